@@ -15,6 +15,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 import cocotb
 import numpy as np
@@ -593,7 +594,24 @@ async def reset_at_every_age(
         assert_equal(got, _slice(want, k), _slice(inputs, k))
 
 
-class TwinBench(abc.ABC):
+class UnitBench:
+    """Drives a unit; a test's own class has ``start``, which gives the first inputs."""
+
+    @classmethod
+    async def fresh(cls, dut, *args: object) -> Self:
+        """Return a bench after the unit's reset."""
+        await reset(dut)
+        return cls(dut, *args)
+
+    @classmethod
+    async def started(cls, dut, *args: object, **inputs: object) -> Self:
+        """Return a bench after the unit's reset, started with these inputs."""
+        bench = await cls.fresh(dut, *args)
+        await bench.start(**inputs)
+        return bench
+
+
+class TwinBench(UnitBench, abc.ABC):
     """Drives a unit and its stateful twin with the same inputs, and compares them every clock.
 
     A test's own class makes ``twin``, puts the first inputs into ``inputs``, and says in ``check``
@@ -688,6 +706,7 @@ __all__ = [
     "ReadOnly",
     "RisingEdge",
     "TwinBench",
+    "UnitBench",
     "as_integer",
     "assert_equal",
     "drive",

@@ -16,7 +16,7 @@ from focus_bench import (
     FocusBench,
     lens,
 )
-from harness import EACH_VOLUME, Ports, reset, rounds, simulate
+from harness import EACH_VOLUME, Ports, rounds, simulate
 
 from vrscan.clocked.focus_control import DISTANCE_LATENCY, TARGET_LATENCY, FocusControl
 from vrscan.clocked.focus_motor import NOT_REACHED, PAUSE_EXTRA, REPLY_LATENCY, State
@@ -190,18 +190,10 @@ class Bench(FocusBench):
         assert abs(int(self.dut.position_o.value) - target) <= self.settings.tolerance
 
 
-async def begin(dut, salt: int, **inputs: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut, salt)
-    await bench.start(**inputs)
-    return bench
-
-
 @cocotb.test()
 async def a_point_becomes_a_target(dut) -> None:
     """After its latency; points that come sooner count nowhere, others not for the hysteresis."""
-    bench = await begin(dut, 4)
+    bench = await Bench.started(dut, 4)
     identity = {"z_begin": 0, "z_shift": 0, "average_shift": 0}
     await bench.start(**identity, mode=Mode.AUTOMATIC)
     await bench.write_table([k << FRACTION_WIDTH for k in range(TABLE_SIZE)])  # position is z
@@ -226,7 +218,9 @@ async def a_point_becomes_a_target(dut) -> None:
 @cocotb.test()
 async def the_lens_follows_the_scene(dut) -> None:
     """Noisy points of three distances: sharp at each, and a write of the motor for each."""
-    bench = await begin(dut, 5, mode=Mode.AUTOMATIC, average_shift=4, hysteresis=14, hold_points=60)
+    bench = await Bench.started(
+        dut, 5, mode=Mode.AUTOMATIC, average_shift=4, hysteresis=14, hold_points=60
+    )
     await bench.clocks(2000)
     assert bench.motor.state is State.WAIT
     assert not bench.ends, "nothing on the bus before there is a target"
@@ -256,7 +250,7 @@ async def the_lens_follows_the_scene(dut) -> None:
 async def commands_in_their_time(dut) -> None:
     """On the bus: how long they take, and the pauses between them."""
     for poll in (0, 150):
-        bench = await begin(dut, 6, poll_clks=poll)
+        bench = await Bench.started(dut, 6, poll_clks=poll)
         bench.configure(mode=Mode.MANUAL, manual=40)
         await bench.clocks()
         assert bench.target == 40
@@ -293,7 +287,7 @@ TROUBLE = {
 @cocotb.test()
 async def a_bus_in_trouble(dut) -> None:
     """Each kind is counted and tried again, ends in FAULT, and is over when the mode was off."""
-    bench = await begin(dut, 9)
+    bench = await Bench.started(dut, 9)
     for name, m3 in [*product(TROUBLE, [0]), ("nack_data", 1), ("stretch", 1), ("data", 1)]:
         status, count, broken, well = TROUBLE[name]
         retries = 1
@@ -336,7 +330,7 @@ M3 = {"protocol": 1, "m3": 1}
 @cocotb.test()
 async def an_m3_in_its_time(dut) -> None:
     """It goes where it is sent, with and without stretching; how often it is asked."""
-    bench = await begin(dut, 14)
+    bench = await Bench.started(dut, 14)
     for stretch in (0, 20):
         await bench.start(**M3)
         await bench.reach(1200, stretch_clks=stretch)
@@ -365,7 +359,7 @@ async def an_m3_in_its_time(dut) -> None:
 @cocotb.test()
 async def an_m3_in_trouble(dut) -> None:
     """Replies that are none, faults that it tells of, a limit, positions without 16 bits."""
-    bench = await begin(dut, 15)
+    bench = await Bench.started(dut, 15)
     end = ord("\r")
     for fault, trouble in (
         (BAD_REPLY, {"spoil": 2, "spoilt": ord("9")}),  # of another command
@@ -421,7 +415,7 @@ async def an_m3_in_trouble(dut) -> None:
 @cocotb.test()
 async def a_bus_that_recovers(dut) -> None:
     """A device stuck within a byte is clocked free by the next command, another master is heard."""
-    bench = await begin(dut, 10)
+    bench = await Bench.started(dut, 10)
     await bench.reach(50)
     # The control is reset while the device sends: it may hold SDA for ever.
     recovered = 0
@@ -468,7 +462,7 @@ async def a_bus_that_recovers(dut) -> None:
 @cocotb.test()
 async def a_motor_in_trouble(dut) -> None:
     """It has nowhere to go, is knocked, loses power."""
-    bench = await begin(dut, 11, timeout_clks=2000, retries=1)
+    bench = await Bench.started(dut, 11, timeout_clks=2000, retries=1)
     await bench.clocks(push=TRAVEL)
     bench.configure(mode=Mode.MANUAL, manual=TRAVEL + 5)
     await bench.until(State.FAULT)
@@ -493,7 +487,7 @@ async def a_motor_in_trouble(dut) -> None:
 @cocotb.test()
 async def reset_mid_stream(dut) -> None:
     """At every age of a point, and in every state: nothing is left but the table."""
-    bench = await begin(dut, 12)
+    bench = await Bench.started(dut, 12)
     for age in range(1, TARGET_LATENCY + 2, rounds(5, 1)):
         await bench.start(mode=Mode.AUTOMATIC, average_shift=0)
         await bench.point(300.0)
@@ -527,7 +521,7 @@ async def reset_mid_stream(dut) -> None:
 @cocotb.test()
 async def anything_at_any_time(dut) -> None:
     """Random points, modes, targets, faults of bus and motor, and resets: as the twin."""
-    bench = await begin(dut, 13)
+    bench = await Bench.started(dut, 13)
     draw = bench.draw
     states: set[State] = set()
     for k in range(rounds(20, 300)):

@@ -3,7 +3,7 @@
 import cocotb
 from cocotb.triggers import FallingEdge, Timer
 from focus_bench import MM, POINT, SETTINGS, FocusBench
-from harness import CLOCK_NS, EACH_VOLUME, Ports, reset, rounds, simulate
+from harness import CLOCK_NS, EACH_VOLUME, Ports, rounds, simulate
 
 from vrscan.clocked.focus_filter import BAD_FLAGS, LATENCY, FocusFilter
 from vrscan.data import pkg
@@ -50,18 +50,10 @@ class Bench(FocusBench):
             await self.point(mm, **point)
 
 
-async def begin(dut, salt: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut, salt)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def the_distance_is_an_average_of_good_points(dut) -> None:
     """Running means to begin with, then 1 / 2**s of each; a latency; no bad point counts."""
-    bench = await begin(dut, 1)
+    bench = await Bench.started(dut, 1)
     for shift in (0, 1, 3, 5, 15):
         await bench.start(average_shift=shift)
         twin = bench.twin
@@ -105,7 +97,7 @@ async def the_distance_is_an_average_of_good_points(dut) -> None:
 @cocotb.test()
 async def a_lapse_starts_the_average_anew(dut) -> None:
     """As many others as are allowed, and one more; points of test lines are not counted."""
-    bench = await begin(dut, 2)
+    bench = await Bench.started(dut, 2)
     for lapse in (0, 1, 6):
         await bench.start(average_shift=2, lapse=lapse)
         await bench.points(300.0, 8)
@@ -149,7 +141,7 @@ async def a_lapse_starts_the_average_anew(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """Nothing of the average is left."""
-    bench = await begin(dut, 12)
+    bench = await Bench.started(dut, 12)
     for age in range(1, PERIOD + 1):
         await bench.start(average_shift=1)
         await bench.points(300.0, 2)
@@ -166,7 +158,7 @@ async def reset_at_every_age(dut) -> None:
 @cocotb.test()
 async def anything_at_any_time(dut) -> None:
     """Random points, settings and resets: as the twin."""
-    bench = await begin(dut, 13)
+    bench = await Bench.started(dut, 13)
     draw = bench.draw
     for k in range(rounds(3000, 60_000)):
         if k % 500 == 0:

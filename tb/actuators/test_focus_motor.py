@@ -5,7 +5,7 @@ from operator import attrgetter
 
 import cocotb
 from focus_bench import SETTINGS, FocusBench
-from harness import EACH_VOLUME, Ports, parameters, reset, rounds, simulate
+from harness import EACH_VOLUME, Ports, parameters, rounds, simulate
 
 from vrscan.clocked.focus_motor import (
     NOT_REACHED,
@@ -128,14 +128,6 @@ class Bench(FocusBench):
         assert abs(self.at - target) <= self.settings.tolerance
 
 
-async def begin(dut, salt: int, **settings: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut, salt)
-    await bench.start(**settings)
-    return bench
-
-
 def top() -> int:
     """Return the largest value of a counter."""
     return (1 << parameters()["CountWidth"]) - 1
@@ -145,7 +137,7 @@ def top() -> int:
 async def commands_in_their_time(dut) -> None:
     """What the motor is told, where it is read, and the pauses between the commands."""
     for poll in (0, 1, 150):
-        bench = await begin(dut, 6, poll_clks=poll)
+        bench = await Bench.started(dut, 6, poll_clks=poll)
         bench.give(target=40, known=1)
         begun: list[int] = []
         kinds = []
@@ -174,7 +166,7 @@ async def commands_in_their_time(dut) -> None:
 @cocotb.test()
 async def a_new_target_on_the_way(dut) -> None:
     """The position of a target that is gone is no matter; in_position falls a clock after it."""
-    bench = await begin(dut, 7)
+    bench = await Bench.started(dut, 7)
     await bench.reach(300)
     assert bench.twin.in_position
     await bench.clocks(target=1500)
@@ -205,7 +197,7 @@ async def a_new_target_on_the_way(dut) -> None:
 @cocotb.test()
 async def the_position_is_read_while_the_target_moves_on(dut) -> None:
     """A target that is another one before every command: reads and writes by turns."""
-    bench = await begin(dut, 12)
+    bench = await Bench.started(dut, 12)
     await bench.reach(50)
     kinds, seen = [], set()
     for k in range(40):
@@ -227,7 +219,7 @@ async def the_position_is_read_while_the_target_moves_on(dut) -> None:
 @cocotb.test()
 async def off_at_every_place(dut) -> None:
     """Off for a clock or more anywhere in a command: the old reply is nobody's, then it works."""
-    bench = await begin(dut, 8)
+    bench = await Bench.started(dut, 8)
     await bench.reach(100)
     for age in range(2 * PERIOD):
         await bench.commands()
@@ -263,7 +255,7 @@ async def off_at_every_place(dut) -> None:
 @cocotb.test()
 async def commands_that_fail(dut) -> None:
     """Each kind is counted and tried again, ends in FAULT, and is over when the mode was off."""
-    bench = await begin(dut, 9)
+    bench = await Bench.started(dut, 9)
     for status, count in (
         (Status.NACK_ADDRESS, "nack_count"),
         (Status.NACK_DATA, "nack_count"),
@@ -323,7 +315,7 @@ async def commands_that_fail(dut) -> None:
 @cocotb.test()
 async def a_motor_in_trouble(dut) -> None:
     """It stands, is slow, has nowhere to go, shows noise, is knocked."""
-    bench = await begin(dut, 11, timeout_clks=600)
+    bench = await Bench.started(dut, 11, timeout_clks=600)
     twin = bench.twin
     await bench.reach(50)
     # It stands: written again, so many times, then FAULT; and all of it anew after OFF.
@@ -392,7 +384,7 @@ async def a_motor_in_trouble(dut) -> None:
 @cocotb.test()
 async def reset_at_every_place(dut) -> None:
     """In every state, at every age of a command: nothing is left."""
-    bench = await begin(dut, 12)
+    bench = await Bench.started(dut, 12)
     for age in range(PERIOD):
         await bench.start()
         await bench.reach(9)
@@ -416,7 +408,7 @@ async def reset_at_every_place(dut) -> None:
 @cocotb.test()
 async def anything_at_any_time(dut) -> None:
     """Random modes, targets, failures, settings and resets: as the twin."""
-    bench = await begin(dut, 13)
+    bench = await Bench.started(dut, 13)
     draw = bench.draw
     states: set[State] = set()
     for k in range(rounds(120, 2000)):

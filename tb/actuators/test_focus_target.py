@@ -3,7 +3,7 @@
 import cocotb
 import numpy as np
 from focus_bench import MM, SETTINGS, TABLE, TABLE_WRITE, Z_BEGIN, Z_SHIFT, FocusBench
-from harness import EACH_VOLUME, Ports, reset, rounds, simulate
+from harness import EACH_VOLUME, Ports, rounds, simulate
 
 from vrscan.clocked.focus_target import LATENCY, FocusTarget, position
 from vrscan.registers.focus_registers import FRACTION_WIDTH, TABLE_SIZE, Mode
@@ -48,18 +48,10 @@ class Bench(FocusBench):
         await self.clocks(period - 1)
 
 
-async def begin(dut, salt: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut, salt)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def the_position_is_that_of_the_table(dut) -> None:
     """All shifts, both ends and beyond, steep tables; the target after its latency."""
-    bench = await begin(dut, 3)
+    bench = await Bench.started(dut, 3)
     await bench.start(hysteresis=0, hold_points=0, mode=Mode.AUTOMATIC)
     seen: set[int] = set()
     places = bench.draw.permutation(np.arange(-1, TABLE_SIZE + 1))
@@ -100,7 +92,7 @@ async def the_position_is_that_of_the_table(dut) -> None:
 @cocotb.test()
 async def it_does_not_hunt(dut) -> None:
     """The first target at once; a next one only farther than the hysteresis, and for some time."""
-    bench = await begin(dut, 4)
+    bench = await Bench.started(dut, 4)
     identity = [k << FRACTION_WIDTH for k in range(TABLE_SIZE)]  # the position is z
     for hysteresis, hold_points in ((10, 3), (0, 1), (3, 0), (700, 20)):
         most = max(hold_points, 1)
@@ -148,7 +140,7 @@ async def it_does_not_hunt(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """Nothing is left but the table."""
-    bench = await begin(dut, 12)
+    bench = await Bench.started(dut, 12)
     for age in range(1, LATENCY + 2):
         await bench.start(mode=Mode.AUTOMATIC)
         await bench.distance(300 * MM)
@@ -164,7 +156,7 @@ async def reset_at_every_age(dut) -> None:
 @cocotb.test()
 async def anything_at_any_time(dut) -> None:
     """Random distances, modes, lapses and settings, with resets: as the twin."""
-    bench = await begin(dut, 13)
+    bench = await Bench.started(dut, 13)
     draw = bench.draw
     mm, taken = 500.0, 0
     for _ in range(rounds(500, 10_000)):

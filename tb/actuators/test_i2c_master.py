@@ -10,9 +10,9 @@ from harness import (
     EACH_VOLUME,
     FallingEdge,
     Ports,
+    UnitBench,
     generator,
     parameters,
-    reset,
     rounds,
     simulate,
 )
@@ -122,7 +122,7 @@ OUTPUTS_OF = attrgetter(*OUTPUTS)
 WITH_VALID = 2  # the last ones
 
 
-class Bench:
+class Bench(UnitBench):
     """Master, device and twin on one bus, compared every clock."""
 
     def __init__(self, dut, salt: int) -> None:
@@ -268,21 +268,13 @@ class Bench:
         return data
 
 
-async def begin(dut, salt: int, **inputs: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut, salt)
-    await bench.start(**inputs)
-    return bench
-
-
 WRITE_ALL = {"read": 0, "address": ADDRESS, "register": 0x5A, "bytes": 3, "data": 0x81C3_00FE}
 
 
 @cocotb.test()
 async def the_bus_shows_what_was_asked_for(dut) -> None:
     """Random commands, some back to back, against a dictionary; levels and latencies."""
-    bench = await begin(dut, 1)
+    bench = await Bench.started(dut, 1)
     memory = dict.fromkeys(range(256), 0)
     for k in range(rounds(30, 300)):
         quarter = int(bench.draw.choice([0, 3, 4, 5, 7, 11]))
@@ -325,7 +317,7 @@ async def the_bus_shows_what_was_asked_for(dut) -> None:
 @cocotb.test()
 async def streams_of_any_length(dut) -> None:
     """Bytes up to the last one, as the device has them; no register, no second start."""
-    bench = await begin(dut, 11)
+    bench = await Bench.started(dut, 11)
     for count, quarter, stretch in ((1, 4, 0), (2, 5, 0), (3, 4, 40), (7, 4, 0), (40, 4, 0)):
         bench.give(quarter=quarter, stretch_clks=stretch)
         bench.decoder.clear()
@@ -364,7 +356,7 @@ async def streams_of_any_length(dut) -> None:
 @cocotb.test()
 async def a_motor_goes_to_its_target(dut) -> None:
     """The position is read while the motor moves, both bytes of one moment."""
-    bench = await begin(dut, 2)
+    bench = await Bench.started(dut, 2)
     target = 0x0123
     assert (await bench.do(read=0, address=ADDRESS, register=0, bytes=1, data=target))[0] == 0
     before = -1
@@ -378,7 +370,7 @@ async def a_motor_goes_to_its_target(dut) -> None:
 @cocotb.test()
 async def bytes_that_are_not_acknowledged(dut) -> None:
     """The address, the register, and each data byte: the status, a stop, nothing after it."""
-    bench = await begin(dut, 3)
+    bench = await Bench.started(dut, 3)
     for read in (0, 1):
         command = WRITE_ALL | {"read": read}
         bench.decoder.clear()
@@ -408,7 +400,7 @@ async def bytes_that_are_not_acknowledged(dut) -> None:
 @cocotb.test()
 async def stretching_up_to_the_limit(dut) -> None:
     """The longest that is waited for, and a clock more; the next command finds a free bus."""
-    bench = await begin(dut, 4, timeout=60)
+    bench = await Bench.started(dut, 4, timeout=60)
     # Two quarters are low anyway; the device pulls a clock after SCL's fall.
     most = 2 * MIN_QUARTER - 1 + 60 - SEEN_LATENCY
     for bits in (0, 1):
@@ -424,7 +416,7 @@ async def stretching_up_to_the_limit(dut) -> None:
 @cocotb.test()
 async def a_device_that_holds_the_bus(dut) -> None:
     """SCL low is BUS_STUCK at once, SDA low after nine clocks; released, the next one works."""
-    bench = await begin(dut, 5, timeout=60)
+    bench = await Bench.started(dut, 5, timeout=60)
     counts = (1 << parameters()["CountWidth"]) - 1
     for line, rises in (("hold_scl", 0), ("hold_sda", RECOVERY_CLOCKS)):
         await bench.start(timeout=60)
@@ -487,7 +479,7 @@ async def reset_mid_stream(dut) -> None:
 
     Every so many clocks of a write and a read, other ones in the other elaboration.
     """
-    bench = await begin(dut, 6, timeout=40)
+    bench = await Bench.started(dut, 6, timeout=40)
     worst = 0
     recovered = 0
     seen = 0
@@ -511,7 +503,7 @@ async def reset_mid_stream(dut) -> None:
 @cocotb.test()
 async def another_master(dut) -> None:
     """SDA low where a 1 was sent, SCL shortened, SCL in the way of a start or stop, a busy bus."""
-    bench = await begin(dut, 7)
+    bench = await Bench.started(dut, 7)
     lost = 0
     total = command_clocks(read=True, count=1, quarter=4)
     for begin_clock in range(12, total, 11):
@@ -579,7 +571,7 @@ async def another_master(dut) -> None:
 @cocotb.test()
 async def two_masters_at_once(dut) -> None:
     """The twin as a second master: one gets through, and the other knows that it has not."""
-    bench = await begin(dut, 10)
+    bench = await Bench.started(dut, 10)
     second = I2cMaster()
     results: list[Status] = []
     shared = {"read": False, "address": ADDRESS, "register": 0x60, "bytes": 3}
@@ -624,7 +616,7 @@ async def two_masters_at_once(dut) -> None:
 @cocotb.test()
 async def short_pulses_are_not_seen(dut) -> None:
     """Pulses of one and two clocks on both pins change no bit and no status."""
-    bench = await begin(dut, 8, quarter=10)
+    bench = await Bench.started(dut, 8, quarter=10)
     for _ in range(6):
         data = int(bench.draw.integers(1 << 32))
         for read in (0, 1):
@@ -659,7 +651,7 @@ def short_pulses(draw: np.random.Generator) -> Iterator[int]:
 @cocotb.test()
 async def a_bus_without_any_order(dut) -> None:
     """Random pulls, pins, faults, commands and resets: as the twin, and always a reply in time."""
-    bench = await begin(dut, 9)
+    bench = await Bench.started(dut, 9)
     draw = bench.draw
     for k in range(rounds(250, 2000)):
         if k % 10 == 0:

@@ -13,7 +13,6 @@ from harness import (
     as_integer,
     generator,
     parameters,
-    reset,
     rounds,
     simulate,
 )
@@ -116,17 +115,11 @@ class Bench(LightBench):
         assert got == want, f"clock {self.clock}, line: {got}, want {want}, {self.inputs}"
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_inputs_and_resets(dut) -> None:
     """Inputs of every kind with the configuration changed meanwhile, and resets among them."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     seen = set()
     for _ in range(rounds(40, 400)):
         scene = Scene(draw, QUIET)
@@ -146,7 +139,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def the_heart_beats_evenly(dut) -> None:
     """Every 2**HeartbeatBits clocks from the reset on, whatever the light does."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_run(OPEN)
     period = 1 << heartbeat_bits()
     for _ in range(4 * period):
@@ -171,7 +164,7 @@ async def a_flip_flop_that_sticks_stops_the_beats(dut) -> None:
     if heartbeat_bits() > 1:
         return
     draw = generator(2)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     settings = with_changes(limit_pulse_clks=6, watchdog_clks=400)
     mattered = set()
     for name, stuck, copy in itertools.product(registers(), (0, 1), ("laser", "second")):
@@ -203,7 +196,7 @@ async def a_flip_flop_that_sticks_stops_the_beats(dut) -> None:
 @cocotb.test()
 async def a_guard_without_a_clock_is_missed(dut) -> None:
     """Its last beat and GuardBeatClks later the light is off, whatever it said last."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_run(with_changes(limit_pulse_clks=1000))
     bench.guard_lives = False
     for k in range(parameters().get("GuardBeatClks", 64) + BEAT_LATENCY + 2):
@@ -216,7 +209,7 @@ async def a_guard_without_a_clock_is_missed(dut) -> None:
 @cocotb.test()
 async def a_cut_line_has_no_power(dut) -> None:
     """A pulse that is cut behind its centre says 0; the whole one before and after its power."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_run(with_changes(limit_pulse_clks=8, power=5_000))
     for clks, said in ((8, 5_000), (9, 0), (13, 0), (8, 5_000), (40, 0), (2, 5_000)):
         await bench.line(clks, period=60)
@@ -228,7 +221,7 @@ async def a_cut_line_has_no_power(dut) -> None:
 @cocotb.test()
 async def the_direction_goes_with_the_line(dut) -> None:
     """Of the clock of the centre: the first half of the turn is inward."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_run(OPEN)
     for phase, inward in ((0, 1), (0x7FFF, 1), (0x8000, 0), (0xFFFF, 0)):
         await bench.clocks(centre=1, phase=phase)
@@ -239,7 +232,7 @@ async def the_direction_goes_with_the_line(dut) -> None:
 @cocotb.test()
 async def a_new_power_comes_in_the_second_clock_after_a_request(dut) -> None:
     """Within a pulse nothing moves."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_run(with_changes(adapt=0))
     await bench.clocks(pulse=1)
     bench.set(with_changes(power=1_000))
@@ -285,7 +278,7 @@ def steps() -> list[tuple[float, float]]:
 @cocotb.test()
 async def the_loop_follows_a_step_of_the_surface(dut) -> None:
     """From dark to bright and back over the range of powers, within LINES lines."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     settings = with_changes(
         adapt=1,
         power_min=POWER_MAX // RANGE,

@@ -3,7 +3,7 @@
 from operator import attrgetter
 
 import cocotb
-from harness import EACH_VOLUME, Ports, TwinBench, generator, reset, rounds, simulate
+from harness import EACH_VOLUME, Ports, TwinBench, generator, rounds, simulate
 
 from vrscan.clocked.i2c_master import Status
 from vrscan.clocked.m3_motor import BAD_REPLY, BEYOND, LIMIT, MOST_BYTES, MOTOR_ERROR, M3Motor
@@ -53,7 +53,7 @@ class Bench(TwinBench):
         self.outputs = Ports(dut, [f"{name}_o" for name in OUTPUTS])
         self.results = Ports(dut, [f"{name}_o" for name in RESULTS])
 
-    async def restart(self, **inputs: int) -> None:
+    async def start(self, **inputs: int) -> None:
         """Reset both."""
         await self.reset_to(M3Motor(), **CALM | inputs)
         self.give(**CALM)
@@ -113,18 +113,10 @@ class Bench(TwinBench):
         return self.twin.status, heard
 
 
-async def begin(dut, salt: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut, salt)
-    await bench.restart()
-    return bench
-
-
 @cocotb.test()
 async def targets_as_the_guide_writes_them(dut) -> None:
     """Its own example, the ends of the range, and each digit everywhere."""
-    bench = await begin(dut, 1)
+    bench = await Bench.started(dut, 1)
     assert await bench.do(b"<08>\r", read=0, target=6000) == (Status.OK, b"<08 00001770>\r")
     for target in (0, 0xFFFF, 0x0123, 0x4567, 0x89AB, 0xCDEF, 0xFEDC, 0x2010):
         heard = (await bench.do(b"<08>\r", read=0, target=target))[1]
@@ -147,7 +139,7 @@ async def targets_as_the_guide_writes_them(dut) -> None:
 @cocotb.test()
 async def positions_and_states(dut) -> None:
     """What a stage says of itself; positions that have not 16 bits have a value and a flag."""
-    bench = await begin(dut, 2)
+    bench = await Bench.started(dut, 2)
     for status, want in STATUSES:
         got, heard = await bench.do(reply(status, 6000, -3), read=1)
         assert (got, heard) == (want, b"<10>\r"), hex(status)
@@ -164,7 +156,7 @@ async def positions_and_states(dut) -> None:
 @cocotb.test()
 async def replies_that_are_none(dut) -> None:
     """Each byte wrong in many ways, cut, and never ending: told, and the last state is kept."""
-    bench = await begin(dut, 3)
+    bench = await Bench.started(dut, 3)
     good = reply(0x34ABC5 & ~(1 << 16), 0x1E0F, 0x7F9A6)
     assert (await bench.do(good, read=1))[0] == Status.OK
     digits = b"0123456789ABCDEF"
@@ -193,7 +185,7 @@ async def replies_that_are_none(dut) -> None:
 @cocotb.test()
 async def streams_that_fail(dut) -> None:
     """In both streams, anywhere: the master's status, and the next command is whole."""
-    bench = await begin(dut, 4)
+    bench = await Bench.started(dut, 4)
     for status in Status:
         for read in (0, 1):
             for count in (1, 3):
@@ -218,7 +210,7 @@ async def streams_that_fail(dut) -> None:
 @cocotb.test()
 async def reset_mid_stream(dut) -> None:
     """At every byte of a command and its reply: nothing is left."""
-    bench = await begin(dut, 5)
+    bench = await Bench.started(dut, 5)
     for count in range(1, 5 + MOST_BYTES):
         await bench.do(reply(ON_TARGET, 77), read=1)
         await bench.clocks(valid=1, read=1)
@@ -228,7 +220,7 @@ async def reset_mid_stream(dut) -> None:
             await bench.clocks(2)
             for byte in reply(ON_TARGET, 66)[: count - 5]:
                 await bench.clocks(2, byte_valid=1, byte=byte)
-        await bench.restart(valid=1, byte_valid=1, reply_valid=1)
+        await bench.start(valid=1, byte_valid=1, reply_valid=1)
         assert not any((bench.twin.busy, bench.twin.motor_status))
         await bench.clocks(3)
         assert (await bench.do(b"<08>\r", read=0, target=1))[1] == b"<08 00000001>\r"
@@ -237,7 +229,7 @@ async def reset_mid_stream(dut) -> None:
 @cocotb.test()
 async def anything_as_a_reply(dut) -> None:
     """Random replies, most of them nearly right: as the twin, which reads them by a pattern."""
-    bench = await begin(dut, 6)
+    bench = await Bench.started(dut, 6)
     draw = bench.draw
     seen: set[int] = set()
     for _ in range(rounds(150, 5000)):

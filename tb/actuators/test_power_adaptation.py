@@ -4,7 +4,7 @@ import dataclasses
 
 import cocotb
 import pytest
-from harness import EACH_VOLUME, as_integer, generator, reset, rounds, simulate
+from harness import EACH_VOLUME, as_integer, generator, rounds, simulate
 from laser_bench import POINT, POWER_MAX, Scene, SettingsBench, part, pixel, random_settings
 
 from vrscan.clocked.power_adaptation import (
@@ -39,17 +39,11 @@ class Bench(SettingsBench):
         return PowerAdaptation(settings)
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_inputs_and_resets(dut) -> None:
     """Inputs of every kind with the configuration changed meanwhile, and resets among them."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     powers, same = set(), set()
     for _ in range(rounds(40, 400)):
         scene = Scene(draw, QUIET)
@@ -66,7 +60,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def the_power_stands_from_pulse_to_pulse(dut) -> None:
     """A new one comes in the clock after a request; neither within nor before one does it move."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(with_changes(adapt=0))
     await bench.clocks(armed=0)
     assert bench.twin.power == OPEN.power
@@ -86,7 +80,7 @@ async def the_power_stands_from_pulse_to_pulse(dut) -> None:
 @cocotb.test()
 async def a_point_gives_the_next_power_of_its_direction(dut) -> None:
     """After POWER_LATENCY clocks, of that direction alone, of both where they share one."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     settings = with_changes(adapt=1)
     height = pixel(9_000)
     point = {"point_valid": 1, "point_measured": 1, "point_maximum": height, "point_power": 3_000}
@@ -111,7 +105,7 @@ async def a_point_gives_the_next_power_of_its_direction(dut) -> None:
 async def every_point_gives_the_power_of_the_model(dut) -> None:
     """Extreme gains, heights and limits; a point that comes too early starts anew."""
     draw = generator(3)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     ends = (0, 1, (1 << 15) - 1, 1 << 15, POWER_MAX)
     await bench.start(with_changes(adapt=1))
     for k in range(400):

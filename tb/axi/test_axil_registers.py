@@ -93,8 +93,7 @@ class Bench(TwinBench):
 @cocotb.test()
 async def requests_of_every_kind(dut) -> None:
     """Addresses before and behind their words, partial words, masters that are slow to listen."""
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     for often, ready in ((1.0, 1.0), (0.1, 1.0), (1.0, 0.1), (0.3, 0.3)):
         await bench.start()
         for _ in range(1200):

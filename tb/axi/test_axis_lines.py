@@ -79,8 +79,7 @@ class Bench(AxisBench):
 
 @cocotb.test()
 async def every_good_line_comes_whole_or_is_counted(dut) -> None:
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     for ready in (1.0, 0.6, 0.1, 0.0):
         await bench.start()
         for k in range(24):
@@ -96,9 +95,7 @@ async def every_good_line_comes_whole_or_is_counted(dut) -> None:
 @cocotb.test()
 async def latency_behind_a_line(dut) -> None:
     """A line may begin in the clock behind another one's end."""
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
+    bench = await Bench.started(dut)
     for _ in range(3):
         await bench.line("good", 1, gaps=0)
         for _ in range(LATENCY - 1):
@@ -117,8 +114,7 @@ async def latency_behind_a_line(dut) -> None:
 @cocotb.test()
 async def reset_within_a_line(dut) -> None:
     """The rest of the line is none's, and numbers begin with 0."""
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     for kind in ("unfinished", "good"):
         await bench.start()
         await bench.line("short", 0)

@@ -63,8 +63,7 @@ class Bench(AxisBench):
 @cocotb.test()
 async def every_record_comes_or_is_counted(dut) -> None:
     """Readers of every speed: what is missing is told in the next record."""
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     most = (1 << parameters().get("CountWidth", pkg.COUNTER_WIDTH)) - 1
     for ready, gap in ((1.0, 0), (0.3, 5), (0.08, 0), (0.0, 1)):
         await bench.start()
@@ -86,9 +85,7 @@ async def every_record_comes_or_is_counted(dut) -> None:
 
 @cocotb.test()
 async def latency(dut) -> None:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
+    bench = await Bench.started(dut)
     await bench.send(random_records(bench.draw, [7]), 1)
     for _ in range(LATENCY - link_pkg.FULL_BYTES):
         assert not bench.stream.valid
@@ -99,8 +96,7 @@ async def latency(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """A reset within a record: the rest of it goes nowhere."""
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     for age in (1, 4, 5, 6, 58, 59, 63):
         await bench.start()
         record = encode_full(random_records(bench.draw, [1]))

@@ -58,17 +58,10 @@ class Bench(AxisBench):
             self.sent.append((tuple(words), user))
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def packets_come_whole_and_in_order(dut) -> None:
     """With readers of every speed, and packets that are not committed in between."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for ready in (1.0, 0.7, 0.2, 0.05):
         await bench.start()
         for _ in range(30):
@@ -83,7 +76,7 @@ async def packets_come_whole_and_in_order(dut) -> None:
 @cocotb.test()
 async def a_full_ring_keeps_what_it_has(dut) -> None:
     """As many as the slots, and one more whose first words are on their way out."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     slots = bench.size["Slots"]
     for _ in range(slots):
         assert bench.twin.room
@@ -98,7 +91,7 @@ async def a_full_ring_keeps_what_it_has(dut) -> None:
 
 @cocotb.test()
 async def latency_and_no_bubble(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.write(0, gaps=0)
     for _ in range(LATENCY - 1):
         assert not bench.twin.valid
@@ -113,7 +106,7 @@ async def latency_and_no_bubble(dut) -> None:
 
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(1, 2 * bench.size["Words"]):
         await bench.start()
         await bench.write(0, gaps=0)

@@ -2,7 +2,7 @@
 
 import cocotb
 import pytest
-from harness import FallingEdge, Ports, TwinBench, generator, reset, simulate
+from harness import FallingEdge, Ports, TwinBench, generator, simulate
 
 from vrscan.clocked.bus_arbiter import LINGER_CLKS, BusArbiter
 from vrscan.clocked.command_executor import Access, CommandExecutor
@@ -93,8 +93,7 @@ class Bench(TwinBench):
 
 @cocotb.test()
 async def accesses_at_random(dut) -> None:
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     for often in ((0.05, 0.05), (0.02, 1.0), (1.0, 1.0), (0.0, 1.0)):
         await bench.start()
         for _ in range(1500):
@@ -107,9 +106,7 @@ async def accesses_at_random(dut) -> None:
 @cocotb.test()
 async def a_command_is_not_interrupted(dut) -> None:
     """Source 0 pauses for less than LingerClks between its words; source 1 waits all the time."""
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
+    bench = await Bench.started(dut)
     for _ in range(5):
         words = 0
         gap = 0
@@ -129,8 +126,7 @@ async def a_command_is_not_interrupted(dut) -> None:
 
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     for age in range(1, 40):
         await bench.start()
         for _ in range(age):

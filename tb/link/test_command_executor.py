@@ -39,7 +39,7 @@ from command_bench import (
     u32,
     write,
 )
-from harness import as_integer, parameters, reset, simulate
+from harness import as_integer, parameters, simulate
 
 from vrscan.clocked.command_executor import Access, Answer, CommandExecutor, latency
 from vrscan.clocked.command_queue import Frame
@@ -109,17 +109,10 @@ class Bench(CommandBench):
         self.frames.append(Frame(FrameStatus(status), payload))
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def every_command_with_every_status(dut) -> None:
     """Replies and strobes as the protocol has them, written out."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     data = bytes(range(100, 140))
     big = u32(*range(0x01020304, 0x01020304 + 62))
     cases: list[tuple[bytes, bytes, list]] = [
@@ -232,7 +225,7 @@ async def every_command_with_every_status(dut) -> None:
 @cocotb.test()
 async def every_length_of_every_command(dut) -> None:
     """Only the right ones do anything; a register is never touched by a wrong one."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     right = {
         PING: range(2, 256),
         READ: [5],
@@ -258,7 +251,7 @@ async def every_length_of_every_command(dut) -> None:
 @cocotb.test()
 async def all_words_or_none(dut) -> None:
     """A word that is refused, at any place: no other is written, and its address is told."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for bad, value, status in ((READ_ONLY, 0, RO), (NOTHING, 0, NO_ADDRESS)):
         for place in (0, 1, 5):
             base = bad - place
@@ -282,7 +275,7 @@ async def all_words_or_none(dut) -> None:
 @cocotb.test()
 async def latency_of_every_kind(dut) -> None:
     """From a frame that waits to the reply, for any latency of the bus."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     longest = 0
     for bus_latency in (0, 1, 9):
         for payload, status in (
@@ -319,7 +312,7 @@ async def latency_of_every_kind(dut) -> None:
 @cocotb.test()
 async def halt_at_every_age(dut) -> None:
     """What is executed goes on, nothing is begun; a stop and a capture's end come at once."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for payload in (write(1, FIRST, 80), bytes([START, 1, 1, 2]), bytes([CAPTURE, 1, 1]) + u32(3)):
         for age in range(60 if payload[0] == WRITE else 30):
             await bench.start()
@@ -345,7 +338,7 @@ async def halt_at_every_age(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """Nothing of a command is left, wherever it was."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for payload in (write(1, FIRST, 1, 2), bytes([PING, 2, 3, 4]), bytes([START, 1, 1, 1])):
         for age in range(1, 95 if payload[0] == WRITE else 35):
             await bench.start()
@@ -360,7 +353,7 @@ async def reset_at_every_age(dut) -> None:
 @cocotb.test()
 async def anything_at_any_time(dut) -> None:
     """Payloads of all kinds, slow buses, a reader that waits, halts: as the model."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     draw = bench.draw
     for _ in range(250):
         if draw.random() < 0.02:

@@ -1,7 +1,7 @@
 """command_queue: every clock of the RTL against the model, with an executor of any speed."""
 
 import cocotb
-from harness import Ports, TwinBench, as_integer, generator, parameters, reset, simulate
+from harness import Ports, TwinBench, as_integer, generator, parameters, simulate
 
 from vrscan.clocked.command_queue import (
     BAD_FRAME_PLACES,
@@ -89,17 +89,10 @@ class Bench(TwinBench):
         return Frame(Status(status), bytes(payload))
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def frames_come_out_as_they_came(dut) -> None:
     """Of every length and status, in their order; the first one waits after its latency."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     kept = []
     for k, length in enumerate((0, 1, 2, 5, 255, 256, 7, 3, 100)):
         frame = Frame(Status(k % 6), bytes(bench.draw.integers(0, 256, length, dtype="uint8")))
@@ -115,7 +108,7 @@ async def frames_come_out_as_they_came(dut) -> None:
 @cocotb.test()
 async def a_command_more_is_lost_and_counted(dut) -> None:
     """Seven are kept, with or without one that is executed; what comes then is no harm."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for executed in (False, True):
         await bench.start()
         for k in range(PLACES + 4):
@@ -136,7 +129,7 @@ async def a_command_more_is_lost_and_counted(dut) -> None:
 @cocotb.test()
 async def bad_frames_take_no_place_of_a_command(dut) -> None:
     """Any number of them: three commands still have their places."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for k in range(10):
         await bench.frame(bytes(k % 5), 1 + k % 5)
     for k in range(PLACES - BAD_FRAME_PLACES + 1):
@@ -150,7 +143,7 @@ async def bad_frames_take_no_place_of_a_command(dut) -> None:
 @cocotb.test()
 async def a_halt_drops_what_waits(dut) -> None:
     """But not what is executed, nor a frame that ends in its clock."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for executed, released, ends in (
         (0, 0, 0), (0, 0, 1), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)
     ):  # fmt: skip
@@ -181,7 +174,7 @@ async def a_halt_drops_what_waits(dut) -> None:
 @cocotb.test()
 async def counters_stop_at_their_largest(dut) -> None:
     """Frames that end in every clock."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     top = (1 << parameters()["CountWidth"]) - 1
     for status, counter in FRAME_COUNTERS.items():
         await bench.start()
@@ -194,7 +187,7 @@ async def counters_stop_at_their_largest(dut) -> None:
 @cocotb.test()
 async def anything_at_any_time(dut) -> None:
     """Bytes, ends, halts, and an executor of any speed, with resets: as the model."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     draw = bench.draw
     for _ in range(6000):
         chance = draw.random(6)

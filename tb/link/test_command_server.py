@@ -20,7 +20,7 @@ from command_bench import (
     write,
 )
 from frame_oracle import frame, is_good, random_bytes
-from harness import CLOCK_NS, EACH_VOLUME, as_integer, reset, rounds, simulate
+from harness import CLOCK_NS, EACH_VOLUME, as_integer, rounds, simulate
 
 from vrscan.clocked.command_queue import BAD_FRAME_PLACES, PLACES
 from vrscan.clocked.command_server import CommandServer, answer, latency
@@ -68,17 +68,10 @@ class Bench(CommandBench):
         decoder.step(valid, byte, error)
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def latency_from_the_end_of_a_frame(dut) -> None:
     """One clock more than the executor's."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for payload in (
         bytes([PING, 1, 2]),
         read(1, FIRST, 3),
@@ -96,7 +89,7 @@ async def latency_from_the_end_of_a_frame(dut) -> None:
 @cocotb.test()
 async def commands_back_to_back(dut) -> None:
     """Seven wait for a reply that nobody takes; what comes then is lost, counted, and no harm."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     bench.give(ready=0)
     sent = [write(k, FIRST + k, k, 2 * k) for k in range(PLACES + 4)]
     for payload in sent:
@@ -119,7 +112,7 @@ async def commands_back_to_back(dut) -> None:
 @cocotb.test()
 async def bad_frames_take_no_place_of_a_command(dut) -> None:
     """Any number of them, while a reply waits: three commands still have theirs."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     bench.give(ready=0)
     for k in range(40):
         await bench.payload(bytes(k % 5), 1 + k % 5)
@@ -140,7 +133,7 @@ async def bad_frames_take_no_place_of_a_command(dut) -> None:
 @cocotb.test()
 async def frames_cut_at_every_length(dut) -> None:
     """What is left of a frame is told to be bad, and the command behind it is answered."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for whole in (
         frame(write(5, FIRST, 0, 0x01010101)),
         frame(bytes([PING, 6]) + bytes(9)),
@@ -162,7 +155,7 @@ async def frames_cut_at_every_length(dut) -> None:
 @cocotb.test()
 async def random_bytes_between_commands(dut) -> None:
     """A byte a clock, some more of them zero; commands in between are answered exactly."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     total = 0
     number = 0
     words = dict(bench.registers.words)
@@ -202,7 +195,7 @@ async def random_bytes_between_commands(dut) -> None:
 @cocotb.test()
 async def halt_at_every_age(dut) -> None:
     """What waits is dropped, what is executed goes on; a stop and a capture's end come at once."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(0, 120, rounds(4, 1)):
         await bench.start()
         for k in range(4):
@@ -245,7 +238,7 @@ async def halt_at_every_age(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """Nothing of a command is left, wherever it was."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for payload in (write(1, FIRST, 1, 2), bytes([PING, 2, 3, 4]), bytes([START, 1, 1, 1])):
         for age in range(0, 110 if payload[0] == WRITE else 45, rounds(5, 1)):
             await bench.start()
@@ -262,7 +255,7 @@ async def reset_at_every_age(dut) -> None:
 @cocotb.test()
 async def counters_stop_at_their_largest(dut) -> None:
     """At 2**16 - 1, with frames that end in every clock: each is a command, or lost."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     bench.give(done=1)
     await Timer((COUNT_MAX + 5000) * CLOCK_NS, "ns")
     await FallingEdge(dut.clk_i)
@@ -274,7 +267,7 @@ async def counters_stop_at_their_largest(dut) -> None:
 @cocotb.test()
 async def anything_at_any_time(dut) -> None:
     """Payloads of all kinds, gaps, slow buses, a reader that waits, halts: as the model."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     draw = bench.draw
     for _ in range(rounds(80, 250)):
         if draw.random() < 0.02:

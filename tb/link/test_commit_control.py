@@ -1,7 +1,7 @@
 """commit_control: every clock of the RTL against the twin, and its promises by what it drives."""
 
 import cocotb
-from harness import TwinBench, generator, parameters, port, reset, rounds, simulate
+from harness import TwinBench, generator, parameters, port, rounds, simulate
 
 from vrscan.clocked.commit_control import EMPTY_CLKS, SETTLE_CLKS, CommitControl
 
@@ -46,8 +46,7 @@ class Bench(TwinBench):
 async def a_commit_takes_effect_once_and_with_nothing_inside(dut) -> None:
     """Any time until the chain is empty and the mirror ready, and commits meanwhile."""
     draw = generator(1)
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     entries = parameters()["Entries"]
     await bench.start()
     commits = rounds(60, 600)
@@ -76,8 +75,7 @@ async def a_commit_takes_effect_once_and_with_nothing_inside(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """A reset begins a commit anew, whatever was under way."""
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     for age in range(parameters()["Entries"] + 40):
         await bench.start()
         await bench.clocks(age, empty=1)

@@ -23,7 +23,6 @@ from harness import (
     generator,
     in_volume,
     parameters,
-    reset,
     simulate,
 )
 
@@ -144,13 +143,6 @@ class Bench(TwinBench):
         return [status for status, _ in self.results]
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 def spoilt(draw: np.random.Generator, good: bytes, kind: str) -> tuple[bytes, set[int]]:
     """Return a frame with a fault of this kind, and where its stop bits are missing."""
     at = int(draw.integers(len(good) - 1))
@@ -190,7 +182,7 @@ KINDS = (
 @cocotb.test()
 async def good_and_bad_frames_with_gaps(dut) -> None:
     """Frames of every kind and every fault; behind each the next good one is accepted."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     seen = set()
     for valid in (1, 0.7, 0.1):
@@ -206,7 +198,7 @@ async def good_and_bad_frames_with_gaps(dut) -> None:
 @cocotb.test()
 async def frames_back_to_back(dut) -> None:
     """A byte in every clock, good frames of every length at the edges of a block."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     draw = bench.draw
     counts = [n for n in [*range(1, 6), *range(250, 258), *range(506, 512), most] if n <= most]
@@ -222,7 +214,7 @@ async def frames_back_to_back(dut) -> None:
 @cocotb.test()
 async def random_bytes_only(dut) -> None:
     """No order at all, with errors."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for zeros in (0.004, 0.05, 0.3):
         stream = random_bytes(bench.draw, 6000, zeros) + b"\0"
         errors = np.flatnonzero(bench.draw.random(len(stream)) < zeros / 10).tolist()
@@ -235,7 +227,7 @@ async def random_bytes_only(dut) -> None:
 @cocotb.test()
 async def every_status_and_its_limits(dut) -> None:
     """The shortest and the longest, a byte less and a byte more; of several faults the first."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     draw = bench.draw
     short = [
@@ -283,7 +275,7 @@ async def every_status_and_its_limits(dut) -> None:
 @cocotb.test()
 async def silence_is_no_frame(dut) -> None:
     """Zeros between frames, with a stop bit or not, and bytes that are not valid."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     stream = bytes(5) + frame(b"\1") + bytes(300) + frame(b"\2") + bytes(3)
     ends = set(range(4)) | set(range(20, 40))
     await bench.expect(stream, ends)
@@ -293,7 +285,7 @@ async def silence_is_no_frame(dut) -> None:
 @cocotb.test()
 async def every_cut_and_every_flip_of_a_frame(dut) -> None:
     """Of a short one, in the RTL; its end may be lost too, and then the next one goes with it."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     payload = b"\x31\0\x41\x59"[:most]
     good = frame(payload)
@@ -317,7 +309,7 @@ async def every_cut_and_every_flip_of_a_frame(dut) -> None:
 @cocotb.test()
 async def latency(dut) -> None:
     """A byte goes out when two more are decoded, the verdict LATENCY after the 0x00."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     count = min(parameters()["MaxPayload"], 9)
     payload = b"\0" * (count - 1) + b"\7"
     good = frame(payload)
@@ -331,7 +323,7 @@ async def latency(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """A reset in mid-frame, with valid high: nothing of before comes out, the next is right."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     long = frame(random_bytes(bench.draw, min(most, 260), 0)) * 2
     mixed = frame(random_bytes(bench.draw, min(most, 9), 0.4)) * 2 + b"\5\5\0"

@@ -13,7 +13,6 @@ from harness import (
     each,
     generator,
     parameters,
-    reset,
     simulate,
 )
 
@@ -95,17 +94,10 @@ class Bench(TwinBench):
             await self.clock_(False, 0, True, True)
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def random_payloads_with_gaps(dut) -> None:
     """Payloads of every kind, both sides fast and slow: what comes out is what Python makes."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     for valid, ready in ((1, 1), (0.5, 1), (1, 0.5), (0.9, 0.9), (1, 0.1), (0.05, 1)):
         await bench.start()
@@ -119,7 +111,7 @@ async def random_payloads_with_gaps(dut) -> None:
 @cocotb.test()
 async def blocks_end_where_the_payload_or_its_crc_does(dut) -> None:
     """Every length around one and two full blocks, a zero behind it or not, zeros in the CRC."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     draw = bench.draw
     payloads = []
@@ -139,7 +131,7 @@ async def blocks_end_where_the_payload_or_its_crc_does(dut) -> None:
 @cocotb.test()
 async def the_output_stalls(dut) -> None:
     """The ring fills at any phase of a frame, holds its byte and loses none."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     payloads = [random_payload(bench.draw, most) for _ in range(6)]
     payloads += [bytes(min(300, most)), b"\1"]
@@ -161,7 +153,7 @@ async def the_output_stalls(dut) -> None:
 @cocotb.test()
 async def full_rate_but_for_the_bubbles(dut) -> None:
     """The clocks without ready_o: none within a block, and as many at its end as are stated."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     draw = bench.draw
     worst = 0
@@ -201,7 +193,7 @@ async def full_rate_but_for_the_bubbles(dut) -> None:
 @cocotb.test()
 async def latency(dut) -> None:
     """From last_i, and from a zero, to the code; then a byte a clock."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     count = min(parameters()["MaxPayload"], 20)
     for payload, latency in ((b"\7" * count, LATENCY), (b"\0" * count, ZERO_LATENCY)):
         await bench.start()
@@ -217,7 +209,7 @@ async def latency(dut) -> None:
 @cocotb.test()
 async def a_payload_too_long_is_told_once(dut) -> None:
     """Up to MaxPayload nothing; beyond it a pulse with the first byte too many, and the frame."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     for count, told in ((most, 0), (most + 1, 1), (most, 0), (most + 40, 1), (1, 0)):
         payload = random_bytes(bench.draw, count, 0.05)
@@ -236,7 +228,7 @@ async def a_payload_too_long_is_told_once(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """A reset in mid-stream, with valid high: nothing of before comes out, the next is right."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     first = random_bytes(bench.draw, min(most, 12), 0.2)
     long = random_bytes(bench.draw, min(most, 254), 0)
@@ -261,7 +253,7 @@ async def reset_at_every_age(dut) -> None:
 @cocotb.test()
 async def reset_forgets_the_length(dut) -> None:
     """A reset in the clock of the byte too many: not told, and the next one is counted anew."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = parameters()["MaxPayload"]
     for before in range(max(most - 2, 0), most + 2):
         await bench.start()

@@ -14,7 +14,6 @@ from harness import (
     each,
     generator,
     parameters,
-    reset,
     rounds,
     simulate,
 )
@@ -185,16 +184,9 @@ class Bench(TwinBench):
         return captured
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def next_line_comes_whole_with_its_record(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for trial in range(4 if is_large() else 8):
         bench.ready = (1.0, 0.5, 0.1, 0.9)[trial % 4]
         await bench.call(CAPTURE_NEXT, trial)
@@ -212,7 +204,7 @@ async def next_line_comes_whole_with_its_record(dut) -> None:
 
 @cocotb.test()
 async def packets_follow_each_other_as_stated(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.call(CAPTURE_NEXT)
     line = bench.line()
     for k, pixel in enumerate(line.pixels):
@@ -239,7 +231,7 @@ async def packets_follow_each_other_as_stated(dut) -> None:
 
 @cocotb.test()
 async def bad_lines_are_not_taken(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.send(bench.line(length=bench.length - 1, end=False))
     for mode in (CAPTURE_NEXT, CAPTURE_EVERY):
         await bench.call(mode, 1)
@@ -266,7 +258,7 @@ async def bad_lines_are_not_taken(dut) -> None:
 
 @cocotb.test()
 async def line_under_way_is_not_taken(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for lead in range(6):
         # The start comes with the first pixel of a line, or a few clocks before or after it.
         inputs = {"capture_start": 1, "capture_mode": CAPTURE_NEXT, "capture_argument": 0}
@@ -291,7 +283,7 @@ async def line_under_way_is_not_taken(dut) -> None:
 
 @cocotb.test()
 async def line_of_a_number_is_taken_or_missed(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for ahead in (0, 1, 2, 5):
         number = bench.number + ahead
         await bench.call(CAPTURE_LINE, number)
@@ -344,7 +336,7 @@ async def line_of_a_number_is_taken_or_missed(dut) -> None:
 
 @cocotb.test()
 async def every_nth_line_is_taken_where_there_is_time(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for step in (1, 3) if is_large() else (0, 1, 2, 3, 7):
         bench.ready = 1.0
         await bench.call(CAPTURE_EVERY, step)
@@ -381,7 +373,7 @@ async def every_nth_line_is_taken_where_there_is_time(dut) -> None:
 @cocotb.test()
 async def line_numbers_wrap(dut) -> None:
     """The count is set near its end: lines of one clock bring it only a little further."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.call(CAPTURE_LINE, (1 << 31) - 1)
     await bench.tick(capture_start=1, capture_mode=CAPTURE_STOP)
     await bench.tick(10)
@@ -423,7 +415,7 @@ async def line_numbers_wrap(dut) -> None:
 
 @cocotb.test()
 async def missing_record_ends_the_capture_without_it(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     # One of a later line: the next, or very much later.
     for ahead in (1, 256, 1 << 16, 1 << 24, (1 << 31) - 1):
         await bench.call(CAPTURE_NEXT)
@@ -474,7 +466,7 @@ async def missing_record_ends_the_capture_without_it(dut) -> None:
 
 @cocotb.test()
 async def stop_ends_it_behind_the_packet(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     packets = -(-bench.length // 100)
     span = bench.length + 30 + 2 * bench.length + 10 * packets
     for age in [*range(12), *range(12, span, 997 if is_large() else 61)]:
@@ -540,7 +532,7 @@ async def stop_ends_it_behind_the_packet(dut) -> None:
 
 @cocotb.test()
 async def sequence_numbers_wrap(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for _ in range(258):
         await bench.call(CAPTURE_LINE, (1 << 32) - 1)
         while bench.twin.capture_busy:
@@ -550,7 +542,7 @@ async def sequence_numbers_wrap(dut) -> None:
 
 @cocotb.test()
 async def reset_forgets_everything(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(5, 3 * bench.length + 120, 997 if is_large() else 37):
         await bench.call(CAPTURE_NEXT)
         line = bench.line()
@@ -583,7 +575,7 @@ async def reset_forgets_everything(dut) -> None:
 @cocotb.test()
 async def everything_at_random(dut) -> None:
     """Only the model knows what is right."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     bench.reads = False
     for _ in range(rounds(12, 60) if is_large() else rounds(100, 1000)):
         bench.ready = float(bench.draw.choice([0.0, 0.1, 0.5, 1.0, 1.0, 1.0]))

@@ -10,7 +10,6 @@ from harness import (
     each,
     generator,
     parameters,
-    reset,
     simulate,
 )
 
@@ -90,17 +89,10 @@ class Bench(TwinBench):
         return bytes([source]) + self.draw.bytes(length - 1)
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def packets_of_all_sources_stay_whole(dut) -> None:
     """Of every length, with gaps in them and a line that waits: each comes once, in its order."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for ready, gaps, hold in ((1, 0, 0), (0.5, 0, 0), (0.3, 0.5, 0.3), (1, 0.5, 0.1)):
         sent: list[list[bytes]] = [[] for _ in range(bench.sources)]
         bench.packets.clear()
@@ -119,7 +111,7 @@ async def packets_of_all_sources_stay_whole(dut) -> None:
 @cocotb.test()
 async def replies_wait_for_one_packet(dut) -> None:
     """Streams that never end: a reply goes behind the packet under way, whatever its age."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(30):
         await bench.start()
         for source in range(1, bench.sources):
@@ -138,7 +130,7 @@ async def replies_wait_for_one_packet(dut) -> None:
 @cocotb.test()
 async def streams_take_turns(dut) -> None:
     """All that have a packet in turn, those that have none are passed over."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     streams = list(range(1, bench.sources))
     for source in streams:
         bench.waiting[source].extend(bench.packet(source, 3) for _ in range(4))
@@ -160,7 +152,7 @@ async def streams_take_turns(dut) -> None:
 @cocotb.test()
 async def hold_lets_replies_pass(dut) -> None:
     """No stream begins while it lasts; one that has begun ends."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     stream = bench.sources - 1
     bench.waiting[stream].extend(bench.packet(stream, 10) for _ in range(2))
     await bench.run(6)
@@ -173,7 +165,7 @@ async def hold_lets_replies_pass(dut) -> None:
 
 @cocotb.test()
 async def latency_and_bubble(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for source in range(bench.sources):
         await bench.start()
         bench.waiting[source].extend(bench.packet(source, n) for n in (5, 1, 7))
@@ -191,7 +183,7 @@ async def latency_and_bubble(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """The rest of a packet is none's; turns begin with the first stream."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(1, 25):
         await bench.start()
         for source in range(bench.sources):

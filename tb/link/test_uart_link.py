@@ -18,7 +18,6 @@ from harness import (
     generator,
     parameters,
     port,
-    reset,
     rounds,
     simulate,
 )
@@ -254,17 +253,10 @@ class Bench(TwinBench):
         return bytes([kind]) + random_bytes(self.draw, length - 1, 0.02)
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def commands_and_replies(dut) -> None:
     """Over the line, with their latencies; a 0x00 in front of the very first frame."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     assert bench.twin.step_now == bench.default
     await bench.clocks(bench.bits(3))
     want = b"\0"
@@ -312,7 +304,7 @@ async def commands_and_replies(dut) -> None:
 @cocotb.test()
 async def commands_back_to_back_on_a_full_line(dut) -> None:
     """As many as wait, without a gap, while every stream has packets: all come, and come whole."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     sent = [bench.packet(0x40 + k, 60) for k in range(bench.streams) for _ in range(6)]
     for packet in sent:
         bench.waiting[packet[0] - 0x40].append(packet)
@@ -332,7 +324,7 @@ async def commands_back_to_back_on_a_full_line(dut) -> None:
 @cocotb.test()
 async def a_reply_waits_for_one_packet_and_the_encoder(dut) -> None:
     """Streams that fill the line for ever, a command at any moment."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = 0
     bound = MOST_BEFORE_REPLY + len(encode_frame(bytes([0x81, 0, 0])))
     for k in range(bench.streams):
@@ -356,7 +348,7 @@ async def a_reply_waits_for_one_packet_and_the_encoder(dut) -> None:
 @cocotb.test()
 async def noise_on_the_line(dut) -> None:
     """Levels without order, and then a command: it is answered, nothing else was done."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for number in range(12):
         bit = ONE / bench.default
         for length in bench.draw.exponential(bit * (0.3 if number % 2 else 2), 50):
@@ -378,7 +370,7 @@ async def noise_on_the_line(dut) -> None:
 @cocotb.test()
 async def frames_cut_at_every_length(dut) -> None:
     """The rest is told to be bad, and the next command is answered."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     whole = encode_frame(command(Command.WRITE, 9, write(FIRST, [1])))
     for cut in range(1, len(whole) - 1, 2):
         bench.payloads.clear()
@@ -392,7 +384,7 @@ async def frames_cut_at_every_length(dut) -> None:
 @cocotb.test()
 async def a_break_stops_all(dut) -> None:
     """Streams, capture, a rate that is wanted or tried; the frame that it broke is bad."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     other = bench.default * 3 // 4
     await bench.change_rate(other)
     await bench.pinged(1)
@@ -440,7 +432,7 @@ async def a_break_stops_all(dut) -> None:
 @cocotb.test()
 async def the_rate_changes_when_all_is_out(dut) -> None:
     """Not before the reply's last bit; streams wait for it, and go on at the new rate."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for step in (bench.default // 2, bench.default * 9 // 10, bench.default):
         for k in range(bench.streams):
             bench.waiting[k].extend(bench.packet(0x40 + k, 50) for _ in range(12))
@@ -475,7 +467,7 @@ async def the_rate_changes_when_all_is_out(dut) -> None:
 @cocotb.test()
 async def a_rate_without_a_good_frame_is_given_up(dut) -> None:
     """After TrialClks, to the clock; bad frames do not help; the same rate can be tried anew."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     other = bench.default * 2 // 3
     for number in range(3):
         await bench.change_rate(other)
@@ -512,7 +504,7 @@ async def a_rate_without_a_good_frame_is_given_up(dut) -> None:
 @cocotb.test()
 async def faults_of_bytes_are_counted(dut) -> None:
     """A byte without a stop bit spoils its frame; a 0x00 goes in front of the next frame out."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.pinged(1)
     coded = encode_frame(command(Command.PING, 2))
     await bench.send(coded[:2])
@@ -542,7 +534,7 @@ async def faults_of_bytes_are_counted(dut) -> None:
 @cocotb.test()
 async def reset_at_many_ages(dut) -> None:
     """In a command, a reply, a stream's packet, a wanted rate and a tried one."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(9):
         await bench.start()
         bench.waiting[0].append(bench.packet(0x40, 20))
@@ -558,7 +550,7 @@ async def reset_at_many_ages(dut) -> None:
 
 @cocotb.test()
 async def glitches_stop_at_their_largest_count(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.start()
     # Low for two clocks of every ten.
     pulses = Clock(dut.rx_i, 10 * CLOCK_NS, unit="ns", period_high=8 * CLOCK_NS)

@@ -9,7 +9,6 @@ from harness import (
     TwinBench,
     as_integer,
     generator,
-    reset,
     simulate,
 )
 
@@ -102,19 +101,11 @@ class Bench(TwinBench):
         return [kind for _, kind in self.events]
 
 
-async def begin(dut, **inputs: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start(**inputs)
-    return bench
-
-
 @cocotb.test()
 async def random_levels(dut) -> None:
     """Levels without any order, of all lengths, at rates that change: every event comes about."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     total = dict.fromkeys(OUTPUTS, 0)
     for most in (3, 20, 80, 300):
         for step in (FASTEST, LINK, FASTEST + 1, STEP_MAX, 1_500_000):
@@ -136,7 +127,7 @@ async def random_levels(dut) -> None:
 async def a_rate_that_changes_every_clock(dut) -> None:
     """What comes out means nothing, but it is defined."""
     draw = generator(9)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for least in (3, 2, 0):
         await bench.start()
         for _ in range(8000):
@@ -157,7 +148,7 @@ async def a_rate_that_changes_every_clock(dut) -> None:
 async def bytes_with_gaps(dut) -> None:
     """A transmitter in float time, any phase, with gaps of any length: its bytes and no more."""
     draw = generator(2)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for step in (FASTEST, LINK, 1_234_567, 1 << 19, STEP_MAX):
         await bench.start(step=step)
         data = [*range(256)] if step == FASTEST else draw.integers(0, 256, 40).tolist()
@@ -173,7 +164,7 @@ async def bytes_with_gaps(dut) -> None:
 async def back_to_back_three_percent_off(dut) -> None:
     """At clk/8, edges off by half a clock: any two of them are then a clock off at most."""
     draw = generator(3)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for error in (-0.03, 0.03, 0.0):
         await bench.start()
         data = [*HARD, *draw.integers(0, 256, 150).tolist()]
@@ -187,7 +178,7 @@ async def back_to_back_three_percent_off(dut) -> None:
 @cocotb.test()
 async def latency_at_every_rate(dut) -> None:
     """From the first low sample to valid, framing and break."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for step in (FASTEST, LINK, 1_000_003, 1 << 20, 1 << 18, FASTEST + 1, 3_000_000, STEP_MAX):
         for levels, kinds in (
             (frame(0xA6), ["valid"]),
@@ -206,7 +197,7 @@ async def latency_at_every_rate(dut) -> None:
 @cocotb.test()
 async def glitches_are_no_start_bits(dut) -> None:
     """Low for less than half a bit: ignored and told; a byte right after it is received."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for step, longest in ((FASTEST, 3), (1 << 18, 31), (LINK, 20), (STEP_MAX, 1)):
         for width in {1, 2, longest, longest + 2}:
             if width > longest and step == STEP_MAX:
@@ -229,7 +220,7 @@ async def glitches_are_no_start_bits(dut) -> None:
 async def a_clock_of_noise_in_every_bit(dut) -> None:
     """One wrong sample a bit, anywhere: the majority is right, and so is the stop bit."""
     draw = generator(4)
-    bench = await begin(dut, step=1 << 20)
+    bench = await Bench.started(dut, step=1 << 20)
     await bench.clocks(20)
     data = draw.integers(0, 256, 100).tolist()
     for byte in data:
@@ -247,7 +238,7 @@ async def a_clock_of_noise_in_every_bit(dut) -> None:
 @cocotb.test()
 async def low_stop_bits(dut) -> None:
     """The byte comes with framing; nothing is a start until the line was high, then all is well."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for byte in (0x01, 0x80, 0xFF, 0x5A):
         for low in (1, 2, 7, 11, 40):
             await bench.start()
@@ -263,7 +254,7 @@ async def low_stop_bits(dut) -> None:
 @cocotb.test()
 async def break_is_told_once(dut) -> None:
     """Low for a frame or for a hundred: one pulse, no byte; the next byte is received."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for clocks in (80, 81, 100, 159, 160, 161, 1000, 8000):
         await bench.start()
         await bench.clocks(20)
@@ -284,7 +275,7 @@ async def break_is_told_once(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """Nothing of a frame, a glitch or a break is left; a low line is no start until it was high."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     lives = [sampled(frame(byte) * 2, 8.0) for byte in (0xA5, 0x00)] + [np.zeros(160, int)]
     for age in range(1, 160):
         life = lives[age % 3]

@@ -11,7 +11,6 @@ from harness import (
     as_integer,
     drive,
     generator,
-    reset,
     simulate,
 )
 
@@ -92,19 +91,11 @@ class Bench(TwinBench):
             await self.clocks()
 
 
-async def begin(dut, **inputs: int) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start(**inputs)
-    return bench
-
-
 @cocotb.test()
 async def random_inputs(dut) -> None:
     """Bytes with and without gaps, breaks and changes of the rate, in any order."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for _ in range(1500):
         if draw.random() < 0.02:
             step = int(draw.choice([0, 1 << 18, LINK, FASTEST, 1 << 22, ONE - 1]))
@@ -127,7 +118,7 @@ async def random_inputs(dut) -> None:
 async def bytes_with_gaps(dut) -> None:
     """A receiver in float time hears what was sent, and how soon."""
     draw = generator(2)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for step in (FASTEST, LINK, 1_234_567, 1 << 19, 3 << 20, 1 << 22):
         await bench.start(step=step)
         data = draw.integers(0, 256, 60).tolist()
@@ -149,7 +140,7 @@ async def bytes_with_gaps(dut) -> None:
 async def back_to_back_without_a_gap(dut) -> None:
     """The line of a run is bit floor(n * step / 2**24) in its clock n: no gap, exact mean rate."""
     draw = generator(3)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for step, count in ((FASTEST, 256), (LINK, 100), (1_999_999, 200), (15_461, 3), (5 << 20, 99)):
         await bench.start(step=step)
         data = draw.permutation(256)[:count].tolist()
@@ -169,7 +160,7 @@ async def back_to_back_without_a_gap(dut) -> None:
 @cocotb.test()
 async def break_holds_the_line(dut) -> None:
     """From every moment of two frames: low at once and as long as asked for, then the next byte."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(175):
         await bench.start()
         bench.give(valid=True, data=0xA7)
@@ -211,7 +202,7 @@ async def break_holds_the_line(dut) -> None:
 @cocotb.test()
 async def a_step_of_zero_stops_the_line(dut) -> None:
     """And it goes on from there."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.send([0x0F])
     await bench.clocks(20)
     level = bench.line[-1]
@@ -226,7 +217,7 @@ async def a_step_of_zero_stops_the_line(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """With a byte waiting, one on the line or a break: the line rests, and the next is right."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(190):
         await bench.start()
         bench.give(valid=True, data=0x12)
@@ -245,7 +236,7 @@ async def reset_at_every_age(dut) -> None:
 @cocotb.test()
 async def no_output_before_the_clock(dut) -> None:
     """In reset the line rests and nothing is busy."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.send([0x00])
     await bench.clocks(30)
     dut.rst_i.value = 1

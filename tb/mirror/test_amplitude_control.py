@@ -4,7 +4,7 @@ import dataclasses
 
 import cocotb
 import numpy as np
-from harness import EACH_VOLUME, Ports, TwinBench, drive, generator, port, reset, rounds, simulate
+from harness import EACH_VOLUME, Ports, TwinBench, drive, generator, port, rounds, simulate
 
 from vrscan.clocked.amplitude_control import (
     CONFIDENCE_FRACTION,
@@ -136,12 +136,6 @@ class Bench(TwinBench):
         await self.clocks(clocks - 1)
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 def small_settings(draw: np.random.Generator) -> Settings:
     """Return settings of a few steps each, so that every limit is met exactly, and often."""
     levels = sorted(int(v) for v in draw.integers(0, 40, size=5))
@@ -223,7 +217,7 @@ def random_error(draw: np.random.Generator, settings: Settings) -> tuple[int, in
 @cocotb.test()
 async def another_table_drops_the_measurement_at_work(dut) -> None:
     """Whatever clock of it ``acquired`` comes in alone, it does not settle what comes after."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for at in range(1, LATENCY + 2):
         await bench.start(dataclasses.replace(CALM, settle_count=1), state=RUN)
         await bench.measure(0)
@@ -243,7 +237,7 @@ async def another_table_drops_the_measurement_at_work(dut) -> None:
 async def random_measurements_at_small_limits(dut) -> None:
     """A few steps of everything, so that every comparison is met at equality."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     seen = set()
     for _ in range(rounds(25, 200)):
         await bench.start(small_settings(draw), state=SWEEP)
@@ -271,7 +265,7 @@ async def random_measurements_at_small_limits(dut) -> None:
 async def random_measurements_of_any_size(dut) -> None:
     """The widest words through all of the arithmetic."""
     draw = generator(2)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for _ in range(rounds(60, 500)):
         await bench.start(wide_settings(draw), state=SWEEP)
         await bench.clocks(2)
@@ -284,7 +278,7 @@ async def random_measurements_of_any_size(dut) -> None:
 async def random_strobes_states_and_resets(dut) -> None:
     """Strobes at any moment, measurements that follow too soon, every state, resets."""
     draw = generator(3)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     measured = 0
     for _ in range(rounds(40, 200)):
         settings = small_settings(draw)
@@ -307,7 +301,7 @@ async def random_strobes_states_and_resets(dut) -> None:
 @cocotb.test()
 async def the_latency_is_fixed(dut) -> None:
     """All outputs change LATENCY clocks after valid_i; one in between starts anew."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(state=RUN)
     await bench.clocks(1, state=SWEEP)
     await bench.clocks(2, state=RUN)
@@ -325,7 +319,7 @@ async def the_latency_is_fixed(dut) -> None:
 @cocotb.test()
 async def leaving_the_loop_drops_a_measurement(dut) -> None:
     """A state that has no loop, or a reset, at every moment of the work: nothing comes of it."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for age in range(1, LATENCY + 1):
         for state in (OFF, SWEEP, FAULT):
             await bench.start(state=RUN)
@@ -348,7 +342,7 @@ async def leaving_the_loop_drops_a_measurement(dut) -> None:
 @cocotb.test()
 async def trim_steps_at_both_limits(dut) -> None:
     """From beyond a limit until the nominal level is crossed, both ways and both signs."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for up in (0, 1):
         for sign in (1, -1):
             await bench.start(with_changes(trim_up=up), state=SWEEP)
@@ -361,7 +355,7 @@ async def trim_steps_at_both_limits(dut) -> None:
 @cocotb.test()
 async def counts_of_255(dut) -> None:
     """The longest counts there are, and more good measurements than they need."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(with_changes(settle_count=255, hold_count=254), state=RUN, broken=True)
     await bench.clocks(1, broken=True)
     for k in range(1, 258):

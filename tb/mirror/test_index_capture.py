@@ -10,11 +10,11 @@ from harness import (
     EACH_VOLUME,
     FallingEdge,
     Ports,
+    UnitBench,
     each,
     generator,
     parameters,
     port,
-    reset,
     rounds,
     simulate,
 )
@@ -54,7 +54,7 @@ def clocks(samples: np.ndarray, oversample: int) -> list[int]:
     return (np.asarray(samples, np.int64).reshape(-1, oversample) @ weights).tolist()
 
 
-class Bench:
+class Bench(UnitBench):
     """Drives the RTL and its twin with the same samples and compares every output every clock."""
 
     def __init__(self, dut) -> None:
@@ -123,14 +123,6 @@ class Bench:
         return [clock for clock, kind in self.events if kind == name]
 
 
-async def begin(dut, settings: Settings = CALM) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start(settings)
-    return bench
-
-
 def telegraph(draw: np.random.Generator, count: int, lengths: list[tuple[int, int]]) -> np.ndarray:
     """Return ``count`` samples that change level after random runs, each of one of ``lengths``."""
     parts = []
@@ -157,7 +149,7 @@ def pulse(
 async def random_samples(dut) -> None:
     """Levels without any order, biased so that every fault and every limit comes about."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     total = dict.fromkeys(STROBES, 0)
     glitches = 0
     for settings in (
@@ -192,7 +184,7 @@ async def random_samples(dut) -> None:
 @cocotb.test()
 async def good_pairs_are_reported_and_nothing_else(dut) -> None:
     """Pairs at every position within a clock: times in steps of one sample, ages, alive."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     assert not bench.twin.alive
     for k in range(2 * o):
@@ -220,7 +212,7 @@ async def good_pairs_are_reported_and_nothing_else(dut) -> None:
 @cocotb.test()
 async def pulses_one_step_apart(dut) -> None:
     """Two pairs whose widths differ by one sample are told apart, each to the step."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     for extra in range(-o, o + 1):
         await bench.samples(pulse(150, 120, 130, o, extra=extra))
@@ -234,7 +226,7 @@ async def pulses_one_step_apart(dut) -> None:
 @cocotb.test()
 async def a_pulse_spans_the_wrap_of_the_time(dut) -> None:
     """The outward before and the inward after 2**32 clocks: the difference is the width."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     to_wrap = ((1 << pkg.TIME_WIDTH) - parameters()["InitialTime"]) & MOST
     if not to_wrap:
         return
@@ -248,7 +240,7 @@ async def a_pulse_spans_the_wrap_of_the_time(dut) -> None:
 @cocotb.test()
 async def mark_is_not_reached(dut) -> None:
     """The beam turns back before the mark: gate pulses without a crossing, missing in time."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     draw = generator(2)
     for _ in range(3):  # before the first outward ever, nothing is missing
@@ -270,7 +262,7 @@ async def mark_is_not_reached(dut) -> None:
 @cocotb.test()
 async def mark_is_just_touched(dut) -> None:
     """A pair nearer than MinCrossing is withheld though width_min_clks would allow it."""
-    bench = await begin(dut, Settings(2, 0, 300, 700))
+    bench = await Bench.started(dut, settings=Settings(2, 0, 300, 700))
     o = bench.oversample
     near = pkg.MIN_CROSSING
     for width in (2, 10, near - 1, near, near + 1):
@@ -293,7 +285,7 @@ async def mark_is_just_touched(dut) -> None:
 @cocotb.test()
 async def limits_of_width(dut) -> None:
     """Inwards at, and a clock beyond, both limits; the clock of every flag."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     least, most = CALM.width_min_clks, CALM.width_max_clks
     for width, kinds in (
@@ -322,7 +314,7 @@ async def limits_of_width(dut) -> None:
 @cocotb.test()
 async def limits_of_period(dut) -> None:
     """Outwards at the limit, a clock later and two: missing comes before or with the outward."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     period = CALM.period_max_clks
     for late in (0, 1, 2):
@@ -352,7 +344,7 @@ async def limits_of_period(dut) -> None:
 @cocotb.test()
 async def limits_zero_and_maximum(dut) -> None:
     """0: the deadline passes at once; the largest value: it never does."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     most_count = (1 << parameters()["CountWidth"]) - 1
     await bench.start(Settings(0, 0, MOST, MOST))
@@ -379,7 +371,7 @@ async def limits_zero_and_maximum(dut) -> None:
 @cocotb.test()
 async def every_kth_pulse_is_dropped(dut) -> None:
     """Outward, inward or the whole pair lost every k-th period: flagged within a period."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     period, width = 600, 150
     # An open gate around each of the crossings.
@@ -411,7 +403,7 @@ async def every_kth_pulse_is_dropped(dut) -> None:
 @cocotb.test()
 async def doubled_crossings(dut) -> None:
     """Two outwards: both are valid, the newer one begins the pair; so with two inwards."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.hold(0, 20)
     await bench.hold(1, 70)
     await bench.hold(1, 10, gate=0)
@@ -450,7 +442,7 @@ async def doubled_crossings(dut) -> None:
 @cocotb.test()
 async def the_withheld_crossing_breaks_its_pair(dut) -> None:
     """After an impossible inward another inward is no pair, and nothing is missing by width."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.hold(0, 20)
     await bench.hold(1, CALM.width_min_clks - 1)
     await bench.hold(0, 90)
@@ -465,7 +457,7 @@ async def the_withheld_crossing_breaks_its_pair(dut) -> None:
 @cocotb.test()
 async def glitches_and_chatter(dut) -> None:
     """A burst that falls back is one glitch; one that does not, one crossing, by its area."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o, g = bench.oversample, CALM.glitch_clks
     await bench.hold(0, 20)
     for k in range(1, g):
@@ -505,7 +497,7 @@ async def glitches_and_chatter(dut) -> None:
 @cocotb.test()
 async def gate_falls_within_a_burst(dut) -> None:
     """Wherever the gate falls before the level has settled, there is no crossing, nor later."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o, g = bench.oversample, CALM.glitch_clks
     for k in range((g + 3) * o):
         comparator = pulse(20, 40, 0, o)
@@ -530,7 +522,7 @@ async def gate_falls_within_a_burst(dut) -> None:
 @cocotb.test()
 async def comparator_means_nothing_without_a_gate(dut) -> None:
     """Noise while the gate is low, or partly low, and levels that change meanwhile."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     draw = generator(4)
     for _ in range(20):
@@ -547,7 +539,7 @@ async def comparator_means_nothing_without_a_gate(dut) -> None:
 @cocotb.test()
 async def too_old_is_impossible(dut) -> None:
     """A burst of so many new samples that the age does not fit; the one below still does."""
-    bench = await begin(dut, Settings(3, 0, MOST, MOST))
+    bench = await Bench.started(dut, settings=Settings(3, 0, MOST, MOST))
     o = bench.oversample
     base = (LATENCY - 1) * STEP + STEP // o // 2
     fits = ((1 << pkg.AGE_WIDTH) - 1 - base) * o // STEP
@@ -573,7 +565,7 @@ async def too_old_is_impossible(dut) -> None:
 @cocotb.test()
 async def counters_stop_at_their_largest_value(dut) -> None:
     """More faults of every kind than three bits hold."""
-    bench = await begin(dut, Settings(1, 0, 70, 20))
+    bench = await Bench.started(dut, settings=Settings(1, 0, 70, 20))
     most = (1 << parameters()["CountWidth"]) - 1
     for _ in range(12):
         await bench.hold(0, 3)
@@ -595,7 +587,7 @@ async def counters_stop_at_their_largest_value(dut) -> None:
 @cocotb.test()
 async def reset_in_every_state(dut) -> None:
     """A reset at any moment of a life with every fault leaves nothing behind."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     o = bench.oversample
     life = np.concatenate([pulse(8, 75, 10, o), pulse(2, 1, 70, o), pulse(0, 66, 8, o)])
     gate = np.ones_like(life)
@@ -633,7 +625,7 @@ async def reset_in_every_state(dut) -> None:
 @cocotb.test()
 async def no_register_lifts_the_ceiling(dut) -> None:
     """A crossing is missing PeriodCeilingClks after one, whatever the limits are."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     ceiling = parameters().get("PeriodCeilingClks")
     if ceiling is None:
         return

@@ -13,7 +13,6 @@ from harness import (
     generator,
     parameters,
     port,
-    reset,
     rounds,
     simulate,
 )
@@ -128,12 +127,6 @@ class Bench(TwinBench):
             await self.until(FAULT, enable=True)
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 def random_settings(draw: np.random.Generator) -> Settings:
     """Return settings in which everything happens within hundreds of clocks."""
     work = int(draw.integers(WORD_MAX + 1)) >> int(draw.integers(0, 12))
@@ -173,7 +166,7 @@ def random_inputs(draw: np.random.Generator, inputs: dict[str, int]) -> dict[str
 async def random_inputs_and_resets(dut) -> None:
     """Inputs without any order: every state is left by every way, and a reset comes in each."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     ways = set()
     resets = set()
     for _ in range(rounds(60, 500)):
@@ -198,7 +191,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def from_off_to_run(dut) -> None:
     """The word falls from the third clock of SWEEP to the working word, then follows the trim."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start()
     await bench.clocks(3)
     assert shown(bench.twin) == (OFF, pkg.FAULT_NONE, 0, 0, 0, 0, QUICK.sweep_word)
@@ -232,7 +225,7 @@ async def from_off_to_run(dut) -> None:
 @cocotb.test()
 async def a_sweep_from_below_is_there_at_once(dut) -> None:
     """A sweep word at or below the working word, with a rate of zero: SETTLE is the next clock."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for sweep, work, arrives in ((7, 7, True), (0, WORD_MAX, True), (8, 7, False)):
         await bench.start(with_changes(sweep_word=sweep, work_word=work, sweep_rate=0))
         await bench.until(SWEEP, enable=True)
@@ -244,7 +237,7 @@ async def a_sweep_from_below_is_there_at_once(dut) -> None:
 @cocotb.test()
 async def sweep_without_ever_an_index_ends_in_fault(dut) -> None:
     """By SWEEP's time-out where it takes too long, else by SETTLE's; FAULT drives nothing."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for timeout in (0, 1, 2, 100):
         for changes, state, cause in (
             ({"sweep_timeout": timeout, "settle_timeout": 77}, SWEEP, pkg.FAULT_SWEEP),
@@ -269,7 +262,7 @@ async def sweep_without_ever_an_index_ends_in_fault(dut) -> None:
 @cocotb.test()
 async def arriving_wins_over_a_time_out(dut) -> None:
     """In the very clock of the time-out the sweep is over, or the loop settled."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     length = (QUICK.sweep_word - QUICK.work_word) * 2**16 // QUICK.sweep_rate + 1  # of SWEEP
     for slack, state in ((0, FAULT), (1, SETTLE)):
         await bench.start(with_changes(sweep_timeout=length - TIMEOUT_LATENCY - 1 + slack))
@@ -285,7 +278,7 @@ async def arriving_wins_over_a_time_out(dut) -> None:
 @cocotb.test()
 async def the_index_may_be_away_for_its_time(dut) -> None:
     """Exactly lost_timeout clocks on end are forgiven, one more is a fault; so at the ceiling."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     most = parameters().get("LostCeilingClks")
     for limit in (0, 1, 30, *((most + 1, NEVER) if most else ())):
         timeout = min(limit, most or limit)
@@ -310,7 +303,7 @@ def pulses(wave: list[bool]) -> list[int]:
 @cocotb.test()
 async def a_stop_leaves_no_runt(dut) -> None:
     """Stopped all over a period, in every state: the last pulse is as long as all are."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     settings = with_changes(sweep_word=1 << 39, work_word=1 << 39, settle_timeout=3000)
     slow = dataclasses.replace(settings, work_word=(1 << 39) - 1, sweep_rate=0)
     period = 1 << 47 - 39
@@ -345,7 +338,7 @@ async def a_stop_leaves_no_runt(dut) -> None:
 async def a_pulse_that_does_not_end_is_cut_off(dut) -> None:
     """With a word of zero the phase stands: the drive is high until the stop gives up."""
     stop_clks = 1 << parameters()["StopWidth"]
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into(RUN, with_changes(sweep_word=0, work_word=0))
     await bench.clocks(100)
     assert bench.twin.phase == 0 and bench.twin.drive
@@ -362,7 +355,7 @@ async def a_pulse_that_does_not_end_is_cut_off(dut) -> None:
 @cocotb.test()
 async def words_at_their_limits(dut) -> None:
     """The largest word, and trims that would leave the format on either side."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for work, trim, want in (
         (WORD_MAX, 0, WORD_MAX),
         (WORD_MAX, 1, WORD_MAX),
@@ -384,7 +377,7 @@ async def words_at_their_limits(dut) -> None:
 @cocotb.test()
 async def duty_counts_65536ths(dut) -> None:
     """Of a whole period of the drive exactly duty / 65536 are high, at most the ceiling."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     most = parameters().get("DutyCeiling", DUTY_CEILING)
     for duty in (0, 1 << 7, 3 << 13, 65535):
         settings = with_changes(sweep_word=1 << 39, work_word=1 << 39, duty=duty)

@@ -12,11 +12,11 @@ import pytest
 from harness import (
     EACH_VOLUME,
     FallingEdge,
+    UnitBench,
     as_integer,
     generator,
     parameters,
     port,
-    reset,
     rounds,
     simulate,
     struct_ports,
@@ -197,7 +197,7 @@ def switched(draw: np.random.Generator, clocks: int, on: float, off: float) -> l
     return np.concatenate(parts)[:clocks].tolist()
 
 
-class Bench:
+class Bench(UnitBench):
     """Drives the RTL and its twin with the same inputs and compares every output every clock."""
 
     def __init__(self, dut) -> None:
@@ -322,17 +322,11 @@ class Bench:
                 self.seen.add(("flag" if want["mirror_flags"] & bit else "clear", bit))
 
 
-async def begin(dut) -> Bench:
-    """Return a bench."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_inputs_and_resets(dut) -> None:
     """Starts, stops, shocks, lost and false passes, and a reset in every state."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     resets = set()
     quick = [{}, {"sweep_timeout": 300}, {"settle_timeout": 300}, {"lost_timeout": 10}]
     for episode in range(rounds(8, 40)):
@@ -366,7 +360,7 @@ async def random_inputs_and_resets(dut) -> None:
 async def a_reset_amid_an_angle_holds_no_harmonics_back(dut) -> None:
     """Those of the pairs that come before the next line are the next angle's."""
     draw = generator(7)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     given = registers(draw)
     clocks = 4 * PERIOD_CLKS
     samples = index(draw, clocks, parameters()["IndexOversample"], quiet=True)
@@ -385,7 +379,7 @@ async def a_reset_amid_an_angle_holds_no_harmonics_back(dut) -> None:
 async def a_quiet_mirror_runs_without_flags(dut) -> None:
     """From OFF to RUN; then every line has an angle that is right, no flag and full confidence."""
     draw = generator(2)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     motion = [1 << pkg.MOTION_FRACTION] + [0] * (pkg.HARMONIC_COUNT - 1)
     given = registers(
         draw,
@@ -423,7 +417,7 @@ async def a_quiet_mirror_runs_without_flags(dut) -> None:
 async def another_motion_and_table_hold_from_a_clock_on(dut) -> None:
     """Angles are of the new motion at once, and of the new table, or UNSETTLED, from there on."""
     draw = generator(5)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     plain = registers(
         draw,
         sweep_word=round(2**pkg.TURN_WIDTH / PERIOD_CLKS),
@@ -499,7 +493,7 @@ async def another_motion_and_table_hold_from_a_clock_on(dut) -> None:
 async def a_polygon_scans_straight_between_its_starts(dut) -> None:
     """From pulses of the index alone; lines outside of the scanned part are dark and UNSETTLED."""
     draw = generator(6)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     start, half, begin_turn, span_turns = 0.05, 0.04, 0.15, 0.7
     polygon = Mirror(kind="polygon")
     middle = round(start * 2**pkg.MIDPOINT_WIDTH)
@@ -556,7 +550,7 @@ async def a_polygon_scans_straight_between_its_starts(dut) -> None:
 @cocotb.test()
 async def a_centre_at_the_very_start_of_a_facet(dut) -> None:
     """A phase of exactly 0 is this facet's first, not the last of the one before."""
-    bench, period = await begin(dut), 1024
+    bench, period = await Bench.fresh(dut), 1024
     word = 2**pkg.TURN_WIDTH // period
     given = registers(
         generator(9),
@@ -599,7 +593,7 @@ async def a_centre_at_the_very_start_of_a_facet(dut) -> None:
 @cocotb.test()
 async def the_end_of_what_is_scanned_belongs_to_it(dut) -> None:
     """The first pulse begins at the last step of the span, then a step behind it."""
-    bench, span = await begin(dut), 30_000
+    bench, span = await Bench.fresh(dut), 30_000
 
     async def first_pulse(**changes: int) -> tuple[bool, int]:
         """Return whether the first pulse is lit, and in which step of a turn it begins."""
@@ -622,7 +616,7 @@ async def the_end_of_what_is_scanned_belongs_to_it(dut) -> None:
 async def an_angle_that_saturates_is_flagged(dut) -> None:
     """Of a loop that is settled, the angles beyond half a turn are unsettled and no others."""
     draw = generator(4)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     given = registers(
         draw,
         sweep_word=round(2**pkg.TURN_WIDTH / PERIOD_CLKS),

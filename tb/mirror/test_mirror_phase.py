@@ -5,7 +5,7 @@ from collections.abc import Callable
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, drive, generator, port, reset, simulate
+from harness import FallingEdge, UnitBench, drive, generator, port, simulate
 
 from vrscan.clocked.mirror_phase import (
     FINE_WIDTH,
@@ -52,7 +52,7 @@ def random_table(draw: np.random.Generator) -> Table:
     return amplitude.tolist(), midpoint.tolist()
 
 
-class Bench:
+class Bench(UnitBench):
     """Drives the RTL and its twin with the same ports and compares every output every clock."""
 
     def __init__(self, dut) -> None:
@@ -140,9 +140,7 @@ class Bench:
 
 async def begin(dut, settings: Settings = CALM, table: Table | None = None) -> Bench:
     """Return a bench after its reset, its table written."""
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start(settings)
+    bench = await Bench.started(dut, settings=settings)
     await bench.write(table or cosine_table())
     await bench.start(settings)
     return bench

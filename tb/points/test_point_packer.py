@@ -13,7 +13,6 @@ from harness import (
     TwinBench,
     generator,
     parameters,
-    reset,
     rounds,
     simulate,
 )
@@ -213,20 +212,13 @@ class Bench(TwinBench):
         return packets
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 def lines_from(first: int, count: int) -> list[int]:
     return [(first + k) % LINES for k in range(count)]
 
 
 @cocotb.test()
 async def batch_is_out_after_the_stated_latency(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for form in (COMPACT, FULL, SPACE):
         records = random_records(bench.draw, lines_from(5, 2))
         await bench.stream(form, records[:1], points_batch=2)
@@ -240,7 +232,7 @@ async def batch_is_out_after_the_stated_latency(dut) -> None:
 
 @cocotb.test()
 async def every_batch_size_gives_whole_packets(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for form, sizes in (
         (COMPACT, (0, 1, 2, 5, 27, 28, 29, 255)),
         (FULL, (0, 1, 2, 3, 4, 255)),
@@ -261,7 +253,7 @@ async def every_batch_size_gives_whole_packets(dut) -> None:
 
 @cocotb.test()
 async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for form in (COMPACT, FULL, SPACE):
         for step in (1, 2, 3, 7, 16, 100, 128, 254, 255):
             # Line numbers wrap; lines are missing, few or very many; others are between.
@@ -286,7 +278,7 @@ async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
 
 @cocotb.test()
 async def stalled_reader_drops_records_and_says_so(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     total = 0
     streams = [(FULL, 1), (SPACE, 2)] if is_large() else [(COMPACT, 1), (FULL, 2), (COMPACT, 3)]
     for form, step in streams:
@@ -310,7 +302,7 @@ async def stalled_reader_drops_records_and_says_so(dut) -> None:
 @cocotb.test()
 async def batch_begins_where_the_longest_one_has_room(dut) -> None:
     """To the byte; and what is begun is kept to its end."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     ring = parameters()["BufferBytes"]
     # The output register holds a byte that has left the ring.
     for form, batch in ((COMPACT, 28), (COMPACT, 1), (FULL, 3), (FULL, 1), (SPACE, 25)):
@@ -332,7 +324,7 @@ async def batch_begins_where_the_longest_one_has_room(dut) -> None:
 
 @cocotb.test()
 async def sequence_numbers_wrap(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     records = random_records(bench.draw, lines_from(LINES - 100, 259))
     await bench.stream(COMPACT, records, points_batch=1)
     packets = await bench.finish()
@@ -342,7 +334,7 @@ async def sequence_numbers_wrap(dut) -> None:
 
 @cocotb.test()
 async def counts_of_dropped_records_wrap_or_stop(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     most = count_max()
     if most > 31:
         return  # to count that far takes ten million clocks
@@ -367,7 +359,7 @@ async def counts_of_dropped_records_wrap_or_stop(dut) -> None:
 
 @cocotb.test()
 async def old_batch_is_closed(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for form in (COMPACT, FULL, SPACE):
         for timeout in (1, 100, 500):
             record = random_records(bench.draw, [7])
@@ -395,7 +387,7 @@ async def old_batch_is_closed(dut) -> None:
 
 @cocotb.test()
 async def stop_at_any_moment_sends_what_there_is(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for form in (COMPACT, FULL, SPACE):
         for age in range(form, 170, 19 if is_large() else rounds(3, 1)):
             gap = 1 + age % 2
@@ -419,7 +411,7 @@ async def stop_at_any_moment_sends_what_there_is(dut) -> None:
 
 @cocotb.test()
 async def start_at_any_moment_begins_anew(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(0, 260, 29 if is_large() else rounds(7, 1)):
         first, second = age % 2, age // 2 % 2
         step = 1 + age % 3
@@ -447,7 +439,7 @@ async def start_at_any_moment_begins_anew(dut) -> None:
 
 @cocotb.test()
 async def nothing_runs_before_a_start_or_after_a_stop(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     records = random_records(bench.draw, lines_from(0, 4))
     await bench.record(records[0])
     await bench.tick(stream_stop=1)
@@ -460,7 +452,7 @@ async def nothing_runs_before_a_start_or_after_a_stop(dut) -> None:
 
 @cocotb.test()
 async def reset_forgets_everything(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for age in range(0, 900, 67 if is_large() else rounds(23, 3)):
         form = age % 2
         before = random_records(bench.draw, lines_from(3, 6))
@@ -490,7 +482,7 @@ async def reset_forgets_everything(dut) -> None:
 @cocotb.test()
 async def everything_at_random(dut) -> None:
     """Only the model knows what is right: settings change and records come too early, too."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     line = LINES - 300
     for _ in range(rounds(30, 120)):
         bench.ready = float(bench.draw.choice([0.0, 0.01, 0.1, 0.5, 1.0]))

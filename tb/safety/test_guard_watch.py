@@ -2,7 +2,7 @@
 
 import cocotb
 import pytest
-from harness import TwinBench, as_integer, generator, parameters, reset, simulate
+from harness import TwinBench, as_integer, generator, parameters, simulate
 
 from vrscan.clocked.guard_watch import BEAT_LATENCY, OK_LATENCY, GuardWatch
 
@@ -40,17 +40,11 @@ class Bench(TwinBench):
             await self.clocks(spacing, guard_beat=1 - self.inputs["guard_beat"], **inputs)
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_inputs_and_resets(dut) -> None:
     """Beats with gaps, and trips whose bits come and go as they like."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     seen = set()
     for _ in range(20):
         await bench.start(guard_ok=int(draw.integers(2)), guard_beat=int(draw.integers(2)))
@@ -72,7 +66,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def a_guard_whose_clock_stops_is_no_guard(dut) -> None:
     """In the stated clock, at either level of its beat; and it is one again with the next beat."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start()
     await bench.clocks(3 * beat_clks(), guard_ok=1)
     assert not bench.twin.ok
@@ -89,7 +83,7 @@ async def a_guard_whose_clock_stops_is_no_guard(dut) -> None:
 @cocotb.test()
 async def a_guard_that_says_no_is_heard(dut) -> None:
     """Within its latency, though it beats."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start()
     await bench.beats(4, guard_ok=1)
     await bench.clocks(OK_LATENCY - 1, guard_ok=0, guard_beat=1 - bench.inputs["guard_beat"])
@@ -101,7 +95,7 @@ async def a_guard_that_says_no_is_heard(dut) -> None:
 @cocotb.test()
 async def a_trip_is_told_once(dut) -> None:
     """However long it is, and though its bits come apart; the last one's is kept."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start()
     most = (1 << parameters().get("CountWidth", 16)) - 1
     for k in range(5):

@@ -9,7 +9,6 @@ from harness import (
     as_integer,
     generator,
     parameters,
-    reset,
     simulate,
 )
 
@@ -117,17 +116,11 @@ class Bench(TwinBench):
         assert self.twin.ok
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_inputs_and_resets(dut) -> None:
     """Beats with gaps, and every signal of every length, with all trips and the reset among it."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     shipped = limits.index_clks > 1000
     longest = {
@@ -169,7 +162,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def no_light_without_beats_and_a_fresh_enable(dut) -> None:
     """After a reset: an enable that was high all along is none, and a gap among beats counts."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     await bench.start(enable=1)
     await bench.clocks(2 * limits.guard_clks)
@@ -194,7 +187,7 @@ async def no_light_without_beats_and_a_fresh_enable(dut) -> None:
 @cocotb.test()
 async def a_clock_that_stops_turns_all_off(dut) -> None:
     """At either level, in the stated clock; the mirror comes back with the beats."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     for level in (0, 1):
         await bench.into_light()
@@ -217,7 +210,7 @@ async def a_clock_that_stops_turns_all_off(dut) -> None:
 @cocotb.test()
 async def a_pulse_that_does_not_end_is_cut(dut) -> None:
     """In the stated clock, and dark until a new enable, however long the beats go on."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     most = limits.pulse_clks
     if limits.burst_clks <= most:
@@ -235,7 +228,7 @@ async def a_pulse_that_does_not_end_is_cut(dut) -> None:
 @cocotb.test()
 async def short_gaps_do_not_help(dut) -> None:
     """12 us of light and 40 ns of dark, for ever, at each end of the clock's tolerance."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     if parameters():
         return
     for hertz in GUARD_HZ:
@@ -251,7 +244,7 @@ async def short_gaps_do_not_help(dut) -> None:
 @cocotb.test()
 async def the_largest_pulses_of_the_quickest_lines_pass(dut) -> None:
     """At each end of the clock's tolerance, at every phase; and one of the core's ceiling."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     if parameters():
         return
     for hertz in GUARD_HZ:
@@ -267,7 +260,7 @@ async def the_largest_pulses_of_the_quickest_lines_pass(dut) -> None:
 async def light_of_any_stretch_is_in_the_budget(dut) -> None:
     """Pulses of every kind, always enabled anew: the lit clocks of every stretch of the record."""
     draw = generator(2)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     if limits.pulse_clks > 100:
         return
@@ -295,7 +288,7 @@ async def a_level_that_is_stuck_ends_the_light(dut) -> None:
 
     Every ratio of the two clocks is one in which the guard meets the same pulses again and again.
     """
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     if not parameters():
         core = (np.arange(400_000) * 1311) % 65_536 < 1311
@@ -311,7 +304,7 @@ async def a_level_that_is_stuck_ends_the_light(dut) -> None:
 @cocotb.test()
 async def index_light_has_its_own_end(dut) -> None:
     """It may be on for its budget at once, and for half of the time."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     if limits.index_clks > 1000:
         return
@@ -326,7 +319,7 @@ async def index_light_has_its_own_end(dut) -> None:
 @cocotb.test()
 async def no_voltage_rests_on_the_comb(dut) -> None:
     """A drive that stays high is cut until it falls, and is no trip of the light."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     await bench.into_light()
     bench.give(level_pin=1)
@@ -342,7 +335,7 @@ async def no_voltage_rests_on_the_comb(dut) -> None:
 @cocotb.test()
 async def the_light_does_not_begin_within_a_request(dut) -> None:
     """One that is high when the enable comes is not shown the rest of its time."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     if limits.burst_clks < 20:
         return
@@ -359,7 +352,7 @@ async def the_light_does_not_begin_within_a_request(dut) -> None:
 @cocotb.test()
 async def the_gates_add_no_clock(dut) -> None:
     """What comes from the core comes through within the clock in which it changes, both ways."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_light()
     for k in (31, 21, 10, 0):
         values = {name: k >> n & 1 for n, name in enumerate((*LIGHT, *MOTION))}
@@ -371,7 +364,7 @@ async def the_gates_add_no_clock(dut) -> None:
 @cocotb.test()
 async def the_guard_has_a_beat_of_its_own(dut) -> None:
     """Whatever the core does."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start()
     for k in range(40):
         assert as_integer(dut.beat_o) == k // BEAT_CLKS % 2

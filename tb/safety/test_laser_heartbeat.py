@@ -2,7 +2,7 @@
 
 import cocotb
 import pytest
-from harness import TwinBench, as_integer, generator, parameters, reset, simulate
+from harness import TwinBench, as_integer, generator, parameters, simulate
 
 from vrscan.clocked.laser_heartbeat import DIFFERENCE_LATENCY, LaserHeartbeat
 
@@ -37,17 +37,11 @@ class Bench(TwinBench):
         return count
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_inputs_and_resets(dut) -> None:
     """Values that agree now and then, and differ in one bit."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     width = parameters()["Width"]
     for _ in range(30):
         await bench.start(first=1, second=int(draw.integers(2)))
@@ -61,7 +55,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def a_difference_of_any_bit_ends_the_beats(dut) -> None:
     """Of one clock, and until an enable that was low; within the clocks that the header says."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     period = 1 << bench.bits
     for bit in range(parameters()["Width"]):
         await bench.start()
@@ -78,7 +72,7 @@ async def a_difference_of_any_bit_ends_the_beats(dut) -> None:
 @cocotb.test()
 async def there_are_no_beats_while_they_differ(dut) -> None:
     """Not even while the enable is low."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     period = 1 << bench.bits
     await bench.start()
     await bench.clocks(8, first=1, enable=0)

@@ -5,7 +5,7 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import EACH_VOLUME, each, generator, reset, rounds, simulate
+from harness import EACH_VOLUME, each, generator, rounds, simulate
 from laser_bench import (
     FAULT,
     LOW,
@@ -79,17 +79,11 @@ class Bench(LightBench):
         return LaserInterlock(settings, ceilings(), count_width())
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_inputs_and_resets(dut) -> None:
     """Inputs of every kind with the configuration changed meanwhile, and resets among them."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     seen = set()
     counts = np.zeros(3, dtype=int)
     for _ in range(rounds(40, 400)):
@@ -114,7 +108,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def pulses_begin_a_line_after_everything_is_well(dut) -> None:
     """Not in the line in which the level comes up; then every one of them, whole."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(OPEN)
     for k in range(6):
         shown = await bench.line(4, state=RUN, index_alive=1)
@@ -126,7 +120,7 @@ async def pulses_begin_a_line_after_everything_is_well(dut) -> None:
 @cocotb.test()
 async def every_interlock_turns_the_main_channel_off(dut) -> None:
     """In the clock after, within a pulse, and it does not come back within the request."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for latency, bad, good in (
         *((INTERLOCK_LATENCY, {"state": s}, {"state": RUN}) for s in STATES if s != RUN),
         (INTERLOCK_LATENCY, {"index_alive": 0}, {"index_alive": 1}),
@@ -153,7 +147,7 @@ async def every_interlock_turns_the_main_channel_off(dut) -> None:
 @cocotb.test()
 async def a_stopped_mirror_has_no_pulse(dut) -> None:
     """The index is away, then the drive at fault: first no pulse, then no light at all."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_run(OPEN, phase=0)
     await bench.line(4)
     assert bench.twin.index_light
@@ -170,7 +164,7 @@ async def a_stopped_mirror_has_no_pulse(dut) -> None:
 @cocotb.test()
 async def a_pulse_ends_at_its_limit(dut) -> None:
     """The register's, and at the ceiling where that is lower; dark until the request was low."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     ceiling = ceilings().pulse_clks
     for limit in (0, 1, 2, 7, min(ceiling, 30), min(ceiling + 1, 31), min(ceiling + 100, 32)):
         most = min(limit, ceiling)
@@ -194,7 +188,7 @@ async def a_pulse_ends_at_its_limit(dut) -> None:
 @cocotb.test()
 async def the_bucket_bounds_the_energy(dut) -> None:
     """Over every stretch of time at most the bucket and what drained; dark until it is empty."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     draw = generator(2)
     for drain, power in ((3_000, 30_000), (0, 20_000), (8_000, 8_000), (8_000, 30_000)):
         settings = with_changes(limit_drain=drain, limit_bucket=580_000, limit_pulse_clks=12)
@@ -219,7 +213,7 @@ async def the_bucket_bounds_the_energy(dut) -> None:
 @cocotb.test()
 async def a_bucket_below_its_margin_lets_nothing_through(dut) -> None:
     """So much is kept for the clocks between light and permission."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for bucket, lit in ((0, 0), (BUCKET_MARGIN - 1, 0), (BUCKET_MARGIN, 1)):
         await bench.start(with_changes(limit_bucket=bucket))
         for _ in range(3):
@@ -231,7 +225,7 @@ async def a_bucket_below_its_margin_lets_nothing_through(dut) -> None:
 @cocotb.test()
 async def a_silent_host_gets_no_light(dut) -> None:
     """In the stated clock; and only after laser_enable_i was low."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     if ceilings().watchdog_clks > 10**6:
         limits: tuple[int, ...] = (1, 40)
     else:
@@ -267,7 +261,7 @@ async def a_silent_host_gets_no_light(dut) -> None:
 @cocotb.test()
 async def the_start_up_channel(dut) -> None:
     """Where permitted: on in SETTLE, in RUN within its window, never above its limit."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     ceiling = ceilings().startup
     for startup, limit in ((250, 280), (280, 250), (POWER_MAX, POWER_MAX), (0, 5)):
         await bench.start(with_changes(startup=startup, limit_startup=limit))
@@ -294,7 +288,7 @@ async def the_start_up_channel(dut) -> None:
 @cocotb.test()
 async def a_limit_that_comes_down_takes_the_power_along(dut) -> None:
     """Within the stated clocks, in the middle of a pulse; a ceiling is met at once."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.into_run(OPEN)
     await bench.clocks(2, pulse=1)
     assert bench.twin.power == 20_000

@@ -2,7 +2,7 @@
 
 import cocotb
 import pytest
-from harness import TwinBench, as_integer, generator, parameters, reset, simulate
+from harness import TwinBench, as_integer, generator, parameters, simulate
 
 from vrscan.clocked.lit_gate import LitGate
 
@@ -32,8 +32,7 @@ class Bench(TwinBench):
 async def random_light(dut) -> None:
     """Lights of any length, resets among them, and a gate of its own."""
     draw = generator(1)
-    await reset(dut)
-    bench = Bench(dut)
+    bench = await Bench.fresh(dut)
     seen = set()
     for _ in range(20):
         await bench.start()
@@ -47,9 +46,7 @@ async def random_light(dut) -> None:
 
 @cocotb.test()
 async def a_light_opens_it_after_the_answer_and_closes_it_at_its_end(dut) -> None:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
+    bench = await Bench.started(dut)
     for _ in range(3):
         await bench.clocks(lit=0)
         await bench.clocks(bench.answer - 1, lit=1)

@@ -11,7 +11,6 @@ from harness import (
     as_integer,
     generator,
     parameters,
-    reset,
     rounds,
     simulate,
 )
@@ -116,17 +115,11 @@ def turn(period: int, share: float) -> Iterator[tuple[bool, bool]]:
         yield k < beyond, near
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def random_mirrors_and_resets(dut) -> None:
     """Mirrors that stall, slip and chatter, a drive and a state that change, and resets."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     seen = set()
     for _ in range(rounds(30, 200)):
         await bench.into_scan()
@@ -156,7 +149,7 @@ async def random_mirrors_and_resets(dut) -> None:
 @cocotb.test()
 async def a_mirror_that_stops_is_dark_in_time(dut) -> None:
     """3/2 turns of the drive as it was or becomes, but never later than LightClks from the edge."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     delay = limits.settle_clks + EDGE_LATENCY
     for word in (WORD, WORD * 3 // 4, 0, TOP):
@@ -175,7 +168,7 @@ async def a_mirror_that_stops_is_dark_in_time(dut) -> None:
 @cocotb.test()
 async def an_impossible_index_permits_nothing(dut) -> None:
     """Too quick, too slow or too small a mirror, one that only shivers, or half of the edges."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     floor = limits.outer_floor / 65_536
     good = [(PERIOD, SHARE), (PERIOD * 4 // 5, SHARE), (PERIOD * 7 // 5, SHARE)]
@@ -209,7 +202,7 @@ async def an_impossible_index_permits_nothing(dut) -> None:
 @cocotb.test()
 async def an_edge_out_of_place_ends_the_light(dut) -> None:
     """At once, for a whole good period; a pulse below SettleClks or behind the gate is none."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     settle = bench.parameters.settle_clks
     for clks, closed in ((1, 0), (settle - 1, 0), (settle, 0), (8, 0), (8, 1)):
         await bench.into_scan()
@@ -230,7 +223,7 @@ async def an_edge_out_of_place_ends_the_light(dut) -> None:
 @cocotb.test()
 async def the_start_up_light_is_short_and_rare(dut) -> None:
     """DarkClks without a good period, then PauseClks of dark, and it begins in SETTLE alone."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     limits = bench.parameters
     for state in (OFF, SWEEP, RUN, FAULT):
         await bench.start(state=state)

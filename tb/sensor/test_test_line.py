@@ -13,7 +13,6 @@ from harness import (
     generator,
     parameters,
     port,
-    reset,
     simulate,
 )
 
@@ -169,18 +168,11 @@ class Bench(TwinBench):
         await self.clocks(clocks - 1)
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 @cocotb.test()
 async def random_runs(dut) -> None:
     """Settings of every size; runs that end, that are stopped, and that are begun anew."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     length = parameters()["LineLength"]
     count = 120 if length < 1000 else 6
     for _ in range(count):
@@ -195,7 +187,7 @@ async def random_runs(dut) -> None:
 @cocotb.test()
 async def a_run_is_its_lines(dut) -> None:
     """Count, period and latency; the pixels are those of the whole lines."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     given = parameters()
     length = given["LineLength"]
     for settings in (
@@ -222,7 +214,7 @@ async def a_stop_ends_the_run_with_a_whole_line(dut) -> None:
 
     ``lead`` is from the clock behind the stop to the second line's start.
     """
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     length = parameters()["LineLength"]
     leads = [LINE_LATENCY, LINE_LATENCY - 1]
     if length < 1000:
@@ -248,7 +240,7 @@ async def a_stop_ends_the_run_with_a_whole_line(dut) -> None:
 @cocotb.test()
 async def a_start_at_every_age_begins_anew(dut) -> None:
     """The line that is on its way loses its rest; the new run knows nothing of the old one."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     given = parameters()
     length = given["LineLength"]
     last = START_LATENCY + length
@@ -264,7 +256,7 @@ async def a_start_at_every_age_begins_anew(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """Alone and with a start: nothing comes after it, and the next run is right."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     length = parameters()["LineLength"]
     last = START_LATENCY + length
     ages = [*range(1, 42), last - 2, last - 1, last, last + 9] if length < 1000 else [1, 20, 50]

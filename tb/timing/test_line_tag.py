@@ -5,7 +5,7 @@ from dataclasses import astuple, replace
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, as_integer, drive, generator, parameters, port, reset, simulate
+from harness import TwinBench, as_integer, drive, generator, parameters, port, simulate
 
 from vrscan.clocked.line_tag import ANGLE_LATENCY, LATENCY, LineTag, Tag
 from vrscan.data import pkg
@@ -159,13 +159,6 @@ class Bench(TwinBench):
         return tag
 
 
-async def begin(dut) -> Bench:
-    await reset(dut)
-    bench = Bench(dut)
-    await bench.start()
-    return bench
-
-
 def scanner(
     count: int,
     period: int,
@@ -205,7 +198,7 @@ def scanner(
 @cocotb.test()
 async def an_angle_of_the_old_configuration_is_superseded(dut) -> None:
     """Whenever the change comes and however long it lasts: those centred before its end."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     seen = set()
     for change in range(0, 60, 3):
         for lasts in (1, 7, 30):
@@ -226,7 +219,7 @@ async def an_angle_of_the_old_configuration_is_superseded(dut) -> None:
 @cocotb.test()
 async def every_line_has_its_own_angle(dut) -> None:
     """Readouts that begin with the exposure's end and later, and angles before and during them."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for period, delay, length, angle in (
         (60, 0, 40, 5),  # the readout begins in the first dark clock
         (60, 0, 40, 40),  # the angle comes while it is read out
@@ -252,7 +245,7 @@ async def every_line_has_its_own_angle(dut) -> None:
 @cocotb.test()
 async def an_angle_that_is_late_is_not_there(dut) -> None:
     """A clock later than the last moment: the line is untagged, and the one before is not used."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.start()
     await bench.play(scanner(9, 60, delay=0, length=40, angle=47 - ANGLE_LATENCY), 9 * 60 + 60)
     assert bench.at_end == [UNTAGGED] * 9
@@ -262,7 +255,7 @@ async def an_angle_that_is_late_is_not_there(dut) -> None:
 @cocotb.test()
 async def a_readout_longer_than_a_period_keeps_its_line(dut) -> None:
     """Exposures go on, and overwrite its place in the table; the lines between are not read."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for late in (False, True):
         await bench.start()
         await bench.line(0, angle=not late)
@@ -283,7 +276,7 @@ async def a_readout_longer_than_a_period_keeps_its_line(dut) -> None:
 @cocotb.test()
 async def an_angle_behind_the_tables_depth_is_lost(dut) -> None:
     """Its place has gone to a later line before it came, or before its readout began."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     depth = parameters()["Depth"]
     await bench.line(0, angle=False)
     await bench.clocks(10, line_start=1)
@@ -302,7 +295,7 @@ async def an_angle_behind_the_tables_depth_is_lost(dut) -> None:
 @cocotb.test()
 async def readouts_without_an_exposure_are_untagged(dut) -> None:
     """Before the first, twice after one, and while the next exposure is on."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     assert await bench.readout() == UNTAGGED
     await bench.line(7)
     assert await bench.readout() == bench.sent[7]
@@ -319,7 +312,7 @@ async def readouts_without_an_exposure_are_untagged(dut) -> None:
 @cocotb.test()
 async def a_pulse_that_is_cut_has_no_power(dut) -> None:
     """Behind its centre and before its exposure ends; what comes later belongs to another line."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for number, (clocks, power) in enumerate(((0, 0), (3, 0), (0, None), (1, None))):
         await bench.clocks(2, exposure=1, line=number)
         await bench.clocks(2, **bench.centre(number))
@@ -335,7 +328,7 @@ async def a_pulse_that_is_cut_has_no_power(dut) -> None:
 @cocotb.test()
 async def a_lost_readout_shifts_nothing(dut) -> None:
     """Three exposures, one readout: it is the last one's; and every line after has its own."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.line(9)
     assert await bench.readout() == bench.sent[9]
     for number in range(3):
@@ -351,7 +344,7 @@ async def a_lost_readout_shifts_nothing(dut) -> None:
 @cocotb.test()
 async def a_readout_belongs_to_the_exposure_that_made_its_light(dut) -> None:
     """Readouts late by a part of a line and by several, each with the right lag and all others."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     period, lines = 60, 14
     stop = (lines - 1) * period + 24  # behind the last exposure
     for late in (0.0, 0.5, 1.0, 1.9, 2.5, 3.0, 3.9):
@@ -378,7 +371,7 @@ async def a_readout_belongs_to_the_exposure_that_made_its_light(dut) -> None:
 @cocotb.test()
 async def a_readout_outside_of_its_window_is_mistimed(dut) -> None:
     """A clock too early or too late: all lines, if it is the first one, or that one alone."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for lag, delay in ((0, 7), (2, 127)):
         exact = Settings(lag, 0, delay, delay)
         events = scanner(9, 60, delay=delay, length=40, angle=20)
@@ -407,7 +400,7 @@ async def a_readout_outside_of_its_window_is_mistimed(dut) -> None:
 @cocotb.test()
 async def old_lines_behind_the_start_belong_to_nothing(dut) -> None:
     """A sensor whose every readout is started by a later exposure holds the last lines back."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for lag in (1, 2, 3):
         for stale in (0, 1):
             await bench.start(Settings(lag, stale, 0, 1000))
@@ -428,7 +421,7 @@ async def old_lines_behind_the_start_belong_to_nothing(dut) -> None:
 @cocotb.test()
 async def what_is_out_of_step_stays_so_until_the_lines_start_anew(dut) -> None:
     """Exposures without a readout at first, and another lag while lines run."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for exposures in (2, 9):
         await bench.start()
         for number in range(exposures):
@@ -466,7 +459,7 @@ async def what_is_out_of_step_stays_so_until_the_lines_start_anew(dut) -> None:
 @cocotb.test()
 async def a_line_without_centre_or_angle_is_untagged(dut) -> None:
     """Even where the table still has the line that was there before."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     depth = parameters()["Depth"]
     for number in range(depth):
         await bench.line(number)
@@ -492,7 +485,7 @@ async def a_line_without_centre_or_angle_is_untagged(dut) -> None:
 @cocotb.test()
 async def a_line_of_another_number_in_its_place_is_not_taken(dut) -> None:
     """Every bit of the number counts, in both halves of the table."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     depth = parameters()["Depth"]
     for bit in range(depth.bit_length() - 1, 32):
         for other in ("centre", "angle"):
@@ -509,7 +502,7 @@ async def a_line_of_another_number_in_its_place_is_not_taken(dut) -> None:
 @cocotb.test()
 async def the_latency_is_fixed(dut) -> None:
     """From the start of a readout, and from an angle that comes behind it; untagged before."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.line(0)
     await bench.clocks(5)
     assert await bench.readout(9) == bench.sent[0]
@@ -531,7 +524,7 @@ async def the_latency_is_fixed(dut) -> None:
 @cocotb.test()
 async def a_start_without_an_end_counts_once(dut) -> None:
     """A line that was cut off is not counted; one of a single pixel is untagged."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     await bench.clocks(9, line_start=1)
     await bench.clocks(9, line_start=1)
     await bench.clocks(9, line_end=1)
@@ -548,7 +541,7 @@ async def a_start_without_an_end_counts_once(dut) -> None:
 
 @cocotb.test()
 async def a_counter_stops_at_its_largest_value(dut) -> None:
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     for _ in range(12):
         await bench.readout(3)
     assert int(dut.untagged_count_o.value) == min(12, (1 << parameters()["CountWidth"]) - 1)
@@ -557,7 +550,7 @@ async def a_counter_stops_at_its_largest_value(dut) -> None:
 @cocotb.test()
 async def reset_at_every_age(dut) -> None:
     """Nothing of before is left, whatever the inputs were in the clock of the reset."""
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     number = 40
     for age in range(1, 26):
         events = scanner(3, 9, delay=0, length=8, angle=2, exposure=4, first=number)
@@ -588,7 +581,7 @@ async def reset_at_every_age(dut) -> None:
 async def random_strobes(dut) -> None:
     """Without any order, with numbers near each other, so that everything meets everything."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.started(dut)
     number = (1 << 32) - 200
     tagged = untagged = 0
     for busy in (0.5, 0.15, 0.04):

@@ -16,7 +16,6 @@ from harness import (
     generator,
     parameters,
     port,
-    reset,
     simulate,
 )
 
@@ -128,12 +127,6 @@ class Bench(TwinBench):
         return np.flatnonzero(self.seen[name]).tolist()
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 def random_settings(draw: np.random.Generator, line_clks: int) -> Settings:
     """Return delays and lengths about a line's length, zero and one often among them."""
 
@@ -157,7 +150,7 @@ P = [0.2, 0.1, 0.16, 0.16, 0.16, 0.16, 0.04, 0.02]
 async def random_inputs_and_resets(dut) -> None:
     """Words, settings, stops and resets at any time: the laser is never on for too long."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     overruns = lines = lasers = 0
     for _ in range(70):
         line_clks = int(draw.integers(32, 200))
@@ -189,7 +182,7 @@ async def random_inputs_and_resets(dut) -> None:
 @cocotb.test()
 async def the_first_line_comes_at_once(dut) -> None:
     """A fixed time after enable_i, again after a stop of any length; numbers go on."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(enable=0)
     await bench.clocks(5)
     number = 0
@@ -206,7 +199,7 @@ async def the_first_line_comes_at_once(dut) -> None:
 @cocotb.test()
 async def stopped_at_every_moment(dut) -> None:
     """Laser, exposure and strobes are low in the next clock, and the next start is as any."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for age in range(1, START_LATENCY + 70):
         await bench.start(with_changes(pulse_delay_clks=0, exposure_delay_clks=0))
         await bench.clocks(age)
@@ -224,7 +217,7 @@ async def stopped_at_every_moment(dut) -> None:
 @cocotb.test()
 async def reset_at_every_moment(dut) -> None:
     """Nothing of what was is left, and the first line after it is number 0."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     overrun = with_changes(pulse_delay_clks=0, pulse_clks=65, exposure_delay_clks=0)
     for age in range(1, START_LATENCY + 140, 3):
         await bench.start(overrun)
@@ -239,7 +232,7 @@ async def reset_at_every_moment(dut) -> None:
 @cocotb.test()
 async def delays_are_exact(dut) -> None:
     """Exposure, pulse and centre begin and end by their clocks; the centre is floored."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for delay in (0, 1, 2, 20):
         for length in (0, 1, 2, 3, 4, 15, 16):
             other = {"exposure_delay_clks": 20 - delay, "exposure_clks": 16 - length}
@@ -264,7 +257,7 @@ async def a_line_that_is_too_short_is_an_overrun(dut) -> None:
     A pulse, or an exposure, that would join the one that was cut off is left out; after a delay
     it comes. A centre that does not come counts too, also without a pulse.
     """
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     nothing = {"exposure_delay_clks": 0, "exposure_clks": 0, "pulse_delay_clks": 0, "pulse_clks": 0}
     top = (1 << parameters()["CountWidth"]) - 1
     for kind, output in (("pulse", "laser"), ("exposure", "exposure")):
@@ -304,7 +297,7 @@ async def a_line_that_is_too_short_is_an_overrun(dut) -> None:
 @cocotb.test()
 async def a_counter_stops_at_its_largest_value(dut) -> None:
     """More overruns than a 3-bit counter holds."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(with_changes(pulse_delay_clks=80, ratio=16 * ONE))
     await bench.clocks(32 * 12)
     assert len(bench.at("overrun")) > 8
@@ -315,7 +308,7 @@ async def a_counter_stops_at_its_largest_value(dut) -> None:
 @cocotb.test()
 async def settings_count_from_the_next_line(dut) -> None:
     """A pulse that has begun keeps its length; the word of a line's start counts a line later."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start()
     await bench.clocks(START_LATENCY + 12)
     assert bench.seen["laser"][-1]
@@ -333,7 +326,7 @@ async def settings_count_from_the_next_line(dut) -> None:
 async def a_ratio_of_zero_has_no_lines(dut) -> None:
     """Nor has a word of zero; a line starts as soon as there is a rate, and a line without a rate
     after it ends its pulse."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for zero in ("word", "ratio"):
         await bench.start(with_changes(ratio=0 if zero == "ratio" else 8 * ONE), word=0)
         if zero == "ratio":
@@ -364,7 +357,7 @@ async def a_ratio_of_zero_has_no_lines(dut) -> None:
 @cocotb.test()
 async def half_a_step_is_rounded_up(dut) -> None:
     """The least rate there is starts a line; what is rounded down to zero does not."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for word, ratio, lines in ((1, ONE // 2, 1), (1, ONE // 2 - 1, 0), (ONE // 2, 1, 1)):
         await bench.start(with_changes(ratio=ratio), word=word)
         await bench.clocks(3 * START_LATENCY)
@@ -375,7 +368,7 @@ async def half_a_step_is_rounded_up(dut) -> None:
 @cocotb.test()
 async def a_line_without_end_has_one_pulse(dut) -> None:
     """Its time stops at the largest value: where it wrapped the laser would be on again."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(with_changes(ratio=ONE), word=1)
     pulses = 0
 
@@ -394,7 +387,7 @@ async def a_line_without_end_has_one_pulse(dut) -> None:
 @cocotb.test()
 async def a_huge_ratio_is_limited(dut) -> None:
     """At most a line in 32 clocks, whatever the word; just below the limit it is not limited."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for word, ratio, length in (
         (WORD_MAX, RATIO_MAX, 32),
         (1 << 39, 16 * ONE, 32),
@@ -412,7 +405,7 @@ async def a_huge_ratio_is_limited(dut) -> None:
 @cocotb.test()
 async def a_ratio_of_150_keeps_its_phases(dut) -> None:
     """Over five periods of the mirror, each of 2**14 clocks: lines start at the same 150 clocks."""
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     period = 1 << 14
     await bench.start(with_changes(ratio=150 * ONE), word=1 << pkg.TURN_WIDTH - 14)
     await bench.clocks(START_LATENCY + 3 * period)
