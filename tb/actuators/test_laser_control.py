@@ -1,6 +1,7 @@
 """laser_control: every clock of the RTL against the model; a line's power, and the loop."""
 
 import dataclasses
+import functools
 import itertools
 import math
 import re
@@ -70,16 +71,12 @@ OUTPUTS = {
     "laser_guard_fault": "guard.fault",
     "laser_guard_count": "guard.trip_count",
 }
+with_changes = functools.partial(dataclasses.replace, OPEN)
 
 
 def heartbeat_bits() -> int:
     """Return the parameter of the running elaboration."""
     return parameters().get("HeartbeatBits", 5)
-
-
-def with_changes(**changes: int) -> LaserSettings:
-    """Return the open settings but for what is given."""
-    return dataclasses.replace(OPEN, **changes)
 
 
 class Bench(LightBench):

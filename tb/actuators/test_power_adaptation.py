@@ -1,6 +1,7 @@
 """power_adaptation: every clock of the RTL against the model, and the model against the formula."""
 
 import dataclasses
+import functools
 
 import cocotb
 import pytest
@@ -20,11 +21,7 @@ ELABORATIONS = [{"PixelWidth": 16}, {"PixelWidth": 9}]
 OPEN = part(AdaptationSettings)
 QUIET = {"pulse": 0, "armed": 1, "inward": 1, **POINT}
 OUTPUTS = ("power", "inward_power", "outward_power")
-
-
-def with_changes(**changes: int) -> AdaptationSettings:
-    """Return the open settings but for what is given."""
-    return dataclasses.replace(OPEN, **changes)
+with_changes = functools.partial(dataclasses.replace, OPEN)
 
 
 class Bench(SettingsBench):

@@ -1,6 +1,7 @@
 """amplitude_control: every clock of the RTL against the model, the loop against a float PI."""
 
 import dataclasses
+import functools
 
 import cocotb
 import numpy as np
@@ -64,11 +65,7 @@ QUIET = {
     "acquired": False,
     "broken": False,
 }
-
-
-def with_changes(**changes: int) -> Settings:
-    """Return the calm settings but for what is given."""
-    return dataclasses.replace(CALM, **changes)
+with_changes = functools.partial(dataclasses.replace, CALM)
 
 
 def shown(twin: AmplitudeControl) -> tuple[int, ...]:

@@ -1,6 +1,7 @@
 """mirror_drive: every clock of the RTL against the model, and start, stop and faults by name."""
 
 import dataclasses
+import functools
 
 import cocotb
 import numpy as np
@@ -68,11 +69,7 @@ QUICK = Settings(
     lost_timeout=300,
 )
 QUIET = {"enable": False, "trim": 0, "level": 0, "index_alive": False, "settled": False}
-
-
-def with_changes(**changes: int) -> Settings:
-    """Return the quick settings but for what is given."""
-    return dataclasses.replace(QUICK, **changes)
+with_changes = functools.partial(dataclasses.replace, QUICK)
 
 
 def shown(twin: MirrorDrive) -> tuple[int, ...]:

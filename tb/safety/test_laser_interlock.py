@@ -1,6 +1,7 @@
 """laser_interlock: every clock of the RTL against the model; limits and interlock by name."""
 
 import dataclasses
+import functools
 
 import cocotb
 import numpy as np
@@ -60,11 +61,7 @@ OUTPUTS = (
     *("power", "index_light", "startup", "armed", "status", "signature"),
     *("cut_count", "duty_count", "watchdog_count"),
 )
-
-
-def with_changes(**changes: int) -> InterlockSettings:
-    """Return the open settings but for what is given."""
-    return dataclasses.replace(OPEN, **changes)
+with_changes = functools.partial(dataclasses.replace, OPEN)
 
 
 class Bench(LightBench):

@@ -1,6 +1,7 @@
 """test_line: every clock of the RTL against the model, and the model against the formula."""
 
 import dataclasses
+import functools
 
 import cocotb
 import numpy as np
@@ -58,11 +59,7 @@ CALM = Settings(
     lines=3,
     period_clks=0,
 )
-
-
-def with_changes(**changes: int) -> Settings:
-    """Return the calm settings but for what is given."""
-    return dataclasses.replace(CALM, **changes)
+with_changes = functools.partial(dataclasses.replace, CALM)
 
 
 def any_settings(draw: np.random.Generator, line_length: int) -> Settings:
