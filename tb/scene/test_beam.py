@@ -9,9 +9,8 @@ from pydantic import ValidationError
 from scipy.optimize import curve_fit
 from scipy.special import j1
 
-from vrscan.data.config import Geometry
+from vrscan.data.arrays import Floats
 from vrscan.data.errors import InputError
-from vrscan.ideal.geometry import project
 from vrscan.scene import beam
 from vrscan.scene.beam import Laser
 
@@ -63,8 +62,9 @@ def test_the_far_field_goes_from_gauss_to_airy() -> None:
     # exp(-x^2/T^2) over all x transforms to exp(-(pi u T)^2 / 4)
     gauss = np.exp(-np.square(math.pi * u * 0.25) / 2.0)
     assert np.allclose(beam.far_field(u, 0.25), gauss, atol=1e-6)
-    assert beam.widening(0.1999) == pytest.approx(beam.widening(0.2001), abs=1e-9)
-    assert beam.widening(1.0) == pytest.approx(1.4366, abs=1e-4)
+    # The closed form below 0.2 joins the integral above it.
+    below, above = (beam.far_field_width(ratio) * ratio for ratio in (0.1999, 0.2001))
+    assert below == pytest.approx(above, abs=1e-9)
 
 
 @pytest.mark.parametrize("bad", [(0.0, 0.5), (-1.0, 0.5), (1.0, 1.0), (1.0, 0.01)])
@@ -139,31 +139,25 @@ def test_nothing_hit_nothing_nan() -> None:
         assert np.all((zone >= 0.0) & (zone <= 1.0))
 
 
+def _trapezoid(time_s: Floats, rise_s: float, pulse_s: float) -> Floats:
+    """Return the pulse's power over its top, its edges ``rise_s`` from foot to top."""
+    beyond = 0.5 * pulse_s - np.abs(time_s)
+    if rise_s == 0.0:
+        return np.where(beyond >= 0.0, 1.0, 0.0)
+    return np.clip(beyond / rise_s + 0.5, 0.0, 1.0)
+
+
 @pytest.mark.parametrize("rise_us", [0.0, 0.05, 1.0])
 def test_the_pulse_transforms_as_its_samples_do(rise_us: float) -> None:
     laser, pulse = Laser(rise_us=rise_us), 1e-6
     t = (np.arange(400_000) + 0.5) / 400_000 * 2.4e-6 - 1.2e-6
-    shape = beam.pulse_shape(t, laser, pulse)
+    shape = _trapezoid(t, rise_us * 1e-6, pulse)
     step = t[1] - t[0]
     f = np.array([0.0, 1e5, 7e5, 3.3e6])
     summed = (np.cos(2.0 * math.pi * f[:, None] * t) @ shape) * step / pulse
     assert np.allclose(beam.pulse_transform(f, laser, pulse), summed, atol=2e-6)
     rms = math.sqrt((np.square(t) @ shape) / shape.sum())
     assert beam.pulse_rms_s(laser, pulse) == pytest.approx(rms, rel=1e-5)
-    energy = beam.output_mw(laser) * 1e-3 * shape.sum() * step
-    assert beam.pulse_energy_j(laser, pulse) == pytest.approx(energy, rel=1e-5)
-
-
-def test_smear_is_rate_times_time() -> None:
-    # iria-digest 4.4: 51 px at 250 mm and 54 px at 1 m in a line of 26.74 us, 562 rad/s.
-    rate = 2.0 * math.pi * 250.0 * math.radians(20.5)
-    z = np.array([250.0, 1000.0])
-    turn = 1e-6
-    moved = project(z * math.tan(turn), z, Geometry()) - project(-z * math.tan(turn), z, Geometry())
-    smear = beam.smear_px(np.full(2, -rate), moved / (2.0 * turn), 26.74e-6)
-    print("smear", smear, "/ [51, 54] px")
-    assert np.allclose(smear, [51.0, 54.0], atol=0.6)
-    assert np.all(beam.smear_px(np.zeros(2), moved, 1e-6) == 0.0)
 
 
 def test_bad_lasers() -> None:
@@ -178,6 +172,5 @@ def test_bad_lasers() -> None:
     ):
         with pytest.raises(ValidationError):
             Laser.model_validate(bad)
-    for use in (beam.pulse_rms_s, beam.pulse_energy_j):
-        with pytest.raises(InputError, match=r"laser\.rise_us = 2: longer than the pulse of 1 us"):
-            use(Laser(rise_us=2.0), 1e-6)
+    with pytest.raises(InputError, match=r"laser\.rise_us = 2: longer than the pulse of 1 us"):
+        beam.pulse_rms_s(Laser(rise_us=2.0), 1e-6)

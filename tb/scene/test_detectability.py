@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
+from vrscan.data.arrays import Floats
 from vrscan.scene.detectability import (
     Beam,
     Filter,
@@ -13,9 +14,9 @@ from vrscan.scene.detectability import (
     brightness_ratio,
     laser_irradiance,
     least_power_w,
-    pixel_irradiance,
     required_ratio,
 )
+from vrscan.scene.sun import collection
 
 PAPER_BEAM = Beam(power_w=0.08, diameter_mm=6.8, divergence_rad=2e-3, fan_rad=1.57)
 PAPER_FILTER = Filter(laser=0.585, band=0.395, ratio=0.0352)
@@ -43,18 +44,20 @@ def test_spot_keeps_its_power_together() -> None:
     assert spot_ratio / striper_ratio == pytest.approx(600.0 * 1.57 / (math.pi / 4.0 * 1.6))
 
 
+def _pixel_irradiance(
+    laser_w_m2: Floats | float, reflectance: float, off_axis_rad: float
+) -> Floats:
+    """Return the irradiance on a pixel, W/m^2, at f/2.4 under a sun of 420 W/m^2; (2)."""
+    light = laser_w_m2 * PAPER_FILTER.laser + 420.0 * PAPER_FILTER.ratio * PAPER_FILTER.band
+    return reflectance / math.pi * collection(2.4, off_axis_rad) * light
+
+
 @pytest.mark.parametrize("view", [View(), UNEVEN, View(background_off_axis_rad=0.3)])
 def test_ratio_is_the_quotient_of_two_pixels(view: View) -> None:
     # (3) by (2), against (4).
     laser = laser_irradiance(PAPER_BEAM, RANGES, view.cos_in)
-    with_laser = pixel_irradiance(
-        laser, 420.0, PAPER_FILTER, reflectance=view.laser_reflectance, f_number=2.4,
-        off_axis_rad=view.laser_off_axis_rad,
-    )  # fmt: skip
-    without = pixel_irradiance(
-        0.0, 420.0, PAPER_FILTER, reflectance=view.background_reflectance, f_number=2.4,
-        off_axis_rad=view.background_off_axis_rad,
-    )  # fmt: skip
+    with_laser = _pixel_irradiance(laser, view.laser_reflectance, view.laser_off_axis_rad)
+    without = _pixel_irradiance(0.0, view.background_reflectance, view.background_off_axis_rad)
     got = brightness_ratio(PAPER_BEAM, RANGES, 420.0, PAPER_FILTER, view)
     np.testing.assert_allclose(got, with_laser / without, rtol=1e-12)
 

@@ -6,10 +6,11 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from split_light import identify
 
 from vrscan.data.arrays import Floats
 from vrscan.data.errors import InputError
-from vrscan.scene.ghosts import Ghosts, Stack, ghosts, identify, stack
+from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
 from vrscan.scene.stray import Cover, Filter, Lens, Plate, Stray, Window
 
 PITCH_MM = 0.007

@@ -11,7 +11,7 @@ from vrscan.data.config import RAMP, SCANNED, STRAIGHT, Config, Mirror, Polygon,
 from vrscan.data.errors import InputError
 from vrscan.ideal.motion import motion
 from vrscan.scene.polygon import Turning, lit
-from vrscan.scene.timeline import Scan, angle_error_rad, timeline, write_edges
+from vrscan.scene.timeline import Scan, timeline, write_edges
 from vrscan.scene.tolerances import Instrument
 
 CONFIG = Config.model_validate({"mirror": {"kind": "polygon"}})
@@ -72,7 +72,7 @@ def test_a_facets_error_is_told_by_its_own_start() -> None:
     for config, more in ((rough, 0.0), (CONFIG, 1e-6 * CONFIG.polygon.speed_ppm)):
         made = timeline(0, 20_000, 20_000, config, Scan(), 2)
         error = made.reported_rad - made.angle_rad
-        one = angle_error_rad(config, Scan())
+        one = 1e-9 * config.mems.jitter_ns * FACET_RAD * config.mirror.frequency_hz
         # The speed is the mean of two turns, 0.1 s, so it is behind by 0.05 s of the hunting.
         lag = more * FACET_RAD * 2.0 * math.pi * CONFIG.polygon.hunting_hz * 0.06
         print(

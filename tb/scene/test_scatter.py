@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from k_correlation import bsdf_k
 from scipy.integrate import dblquad, quad
 from scipy.special import j1, spherical_jn, spherical_yn
 
@@ -34,7 +35,7 @@ from vrscan.scene.stray import (
     particles,
     soiled,
 )
-from vrscan.scene.surface import bsdf_k, tis
+from vrscan.scene.surface import tis
 from vrscan.scene.timeline import Timeline
 
 WAVELENGTH_NM = 658.0

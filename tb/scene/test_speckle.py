@@ -18,7 +18,6 @@ from vrscan.scene.speckle import (
     KNOT_STEP,
     KNOTS,
     Speckle,
-    dorsch_px,
     pixel_contrast2,
     pixel_correlation,
     position_rms_px,
@@ -106,7 +105,9 @@ def test_position_error_is_that_of_a_coherent_image(speckle: Speckle, sigma_px: 
     contrast = float(speckle.contrast())
     correlation = speckle.correlation
     predicted = float(position_rms_px(np.array(sigma_px), contrast, correlation))
-    least = dorsch_px(1.0, 658.0, LENS.working, 0.007)
+    # Dorsch, Haeusler, Herrmann, Laser triangulation: fundamental uncertainty in distance
+    # measurement, 1994: C lambda / (2 pi sin u') of a whole, unresolved spot, at contrast 1.
+    least = 658e-6 * LENS.working / math.pi / 0.007
     print(
         f"s {sigma_px:g} px: {coherent:.3f} coherent, {own:.3f} gains / {predicted:.3f} px,"
         f" Dorsch {least:.3f}"

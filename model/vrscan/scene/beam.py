@@ -120,17 +120,6 @@ def far_field_width(ratio: float, level: float = _E2) -> float:
     return 2.0 * float(brentq(excess, u, u + step, xtol=1e-12))
 
 
-def widening(ratio: float) -> float:
-    """Return the factor by which the stop widens the far field's 1/e2 width: 1 without a stop.
-
-    Args:
-        ratio: Ratio from ``truncation``, not negative.
-    """
-    if ratio < _UNCUT:
-        return 1.0
-    return far_field_width(ratio) * math.pi * ratio / 4.0
-
-
 def cut(laser: Laser) -> CutBeam | None:
     """Return the tables of the beam's cross section, or None for one that no stop cuts."""
     ratio = truncation(laser)
@@ -213,26 +202,6 @@ def _edge_s(laser: Laser, pulse_s: float) -> float:
     return edge
 
 
-def pulse_shape(time_s: Floats, laser: Laser, pulse_s: float) -> Floats:
-    """Return the pulse's power over its top: a trapezoid.
-
-    It leaves out the diode's relaxation oscillation and its change of wavelength (chirp).
-
-    Args:
-        time_s: Times from the pulse's centre, any shape.
-        laser: The laser, whose edges are used.
-        pulse_s: Width of the pulse at half height.
-
-    Raises:
-        InputError: if an edge is longer than the pulse.
-    """
-    edge = _edge_s(laser, pulse_s)
-    beyond = 0.5 * pulse_s - np.abs(np.asarray(time_s, np.float64))
-    if edge == 0.0:
-        return np.asarray(np.where(beyond >= 0.0, 1.0, 0.0))
-    return np.clip(beyond / edge + 0.5, 0.0, 1.0)
-
-
 def pulse_transform(frequency_hz: Floats, laser: Laser, pulse_s: float) -> Floats:
     """Return the Fourier transform of the pulse about its centre, 1 at zero frequency.
 
@@ -260,29 +229,3 @@ def pulse_rms_s(laser: Laser, pulse_s: float) -> float:
         InputError: if an edge is longer than the pulse.
     """
     return math.hypot(pulse_s, _edge_s(laser, pulse_s)) / math.sqrt(12.0)
-
-
-def pulse_energy_j(laser: Laser, pulse_s: float) -> float:
-    """Return the energy of a pulse that leaves the instrument, J.
-
-    Raises:
-        InputError: if an edge is longer than the pulse.
-    """
-    _edge_s(laser, pulse_s)  # the trapezoid's area does not depend on it
-    return output_mw(laser) * 1e-3 * pulse_s
-
-
-def smear_px(rate_rad_per_s: Floats, du_dalpha_px_per_rad: Floats, pulse_s: float) -> Floats:
-    """Return how far the spot's image moves in a pulse, px: iria's dwell (1-40), inverted.
-
-    It leaves out the change of either rate within the pulse.
-
-    Args:
-        rate_rad_per_s: Rates of the optical scan angle [n].
-        du_dalpha_px_per_rad: Pixels per scan angle on this surface [n].
-        pulse_s: Width of the pulse at half height.
-
-    Returns:
-        Full length, not negative, between the places at the half-height times [n].
-    """
-    return np.abs(np.asarray(rate_rad_per_s) * np.asarray(du_dalpha_px_per_rad)) * pulse_s

@@ -86,29 +86,6 @@ def laser_irradiance(beam: Beam, range_mm: Floats | float, cos_in: Floats | floa
     return np.asarray(beam.power_w * np.asarray(cos_in) / (beam.area_mm2(range_mm) * 1e-6))
 
 
-def pixel_irradiance(
-    laser_w_m2: Floats | float,
-    sun_w_m2: Floats | float,
-    glass: Filter,
-    *,
-    reflectance: float,
-    f_number: float,
-    off_axis_rad: float = 0.0,
-) -> Floats:
-    """Return the irradiance on a pixel, W/m^2; (2).
-
-    Args:
-        laser_w_m2: Irradiance of the laser on the surface; 0 for a background pixel.
-        sun_w_m2: Irradiance of the sun on the surface, over its full spectrum.
-        glass: The camera's filter.
-        reflectance: Lambertian reflectance rho.
-        f_number: f-number f / D of the lens.
-        off_axis_rad: Angle alpha of the pixel from the axis.
-    """
-    light = np.asarray(laser_w_m2) * glass.laser + np.asarray(sun_w_m2) * glass.ratio * glass.band
-    return np.asarray(reflectance / math.pi * collection(f_number, off_axis_rad) * light)
-
-
 def brightness_ratio(
     beam: Beam,
     range_mm: Floats | float,

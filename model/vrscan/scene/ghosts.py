@@ -60,24 +60,6 @@ class Ghosts:
 
 
 @dataclass(frozen=True)
-class Found:
-    """A ghost with the surfaces that make it."""
-
-    surfaces: tuple[str, ...]
-    times: tuple[int, ...]  # number of reflections at each surface
-    power: float  # share of the spot's light
-    offset_px: float
-    across_px: float
-    blur_px: float
-
-    @property
-    def name(self) -> str:
-        """Return its surfaces, each with the number of its reflections where that is not 1."""
-        parts = zip(self.surfaces, self.times, strict=True)
-        return " + ".join(name if count == 1 else f"{name} x{count}" for name, count in parts)
-
-
-@dataclass(frozen=True)
 class Stack:
     """The receiver from its front window to the sensor, which is the last surface."""
 
@@ -408,66 +390,6 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
     )
 
 
-def identify(
-    stack: Stack,
-    *,
-    focus_mm: float = 500.0,
-    distance_mm: float = 500.0,
-    field_mm: float = 0.0,
-    least_power: float | None = None,
-) -> tuple[Found, ...]:
-    """Return which surfaces make each ghost, found by taking surfaces out one at a time.
-
-    Metis 3.1: light is split at every surface, whichever way it runs, until it is too weak, which
-    gives a list of images whose origin is not known. Then one surface after another transmits all
-    light, and the ghosts that are gone are assigned to it. How often a surface reflects a ghost
-    follows from the ghost's intensity when the surface reflects half as much. Ghosts of more than
-    two reflections are found too.
-
-    Ghosts that fall on each other within 1e-4 px are one row, and all surfaces without which it
-    loses light are named; one that falls so on the direct image is not seen. The tracing is apart
-    from the polynomials of ``ghosts``.
-
-    Args:
-        stack: The receiver.
-        focus_mm: Distance at which the receiver is in focus, from the entrance pupil.
-        distance_mm: Distance of the spot.
-        field_mm: Position u of the direct image.
-        least_power: Light weaker than this share of the direct light is not followed; None takes
-            that of the stack.
-
-    Returns:
-        The ghosts, the strongest first.
-    """
-    least = stack.least_power if least_power is None else least_power
-    spot = (focus_mm, distance_mm, field_mm)
-    # Well below the threshold, so that a ghost that only weakens does not count as gone.
-    deep = 0.1 * least
-    whole = _split(stack, *spot, deep)
-    makers: dict[tuple[int, int, int], list[tuple[str, int]]] = {key: [] for key in whole}
-    for index, surface in enumerate(stack.surfaces):
-        if surface.reflectance == 0.0:
-            continue
-        without = _split(_with(stack, index, 0.0), *spot, deep)
-        half = _split(_with(stack, index, 0.5 * surface.reflectance), *spot, deep)
-        for key, ghost in whole.items():
-            left = without[key].power if key in without else 0.0
-            if left < 0.99 * ghost.power:
-                weaker = half[key].power if key in half else 0.0
-                times = math.log2(ghost.power / weaker) if weaker > 0.0 else 1.0
-                makers[key].append((surface.name, max(1, round(times))))
-    found = [
-        replace(
-            ghost,
-            surfaces=tuple(name for name, _ in makers[key]),
-            times=tuple(count for _, count in makers[key]),
-        )
-        for key, ghost in whole.items()
-        if ghost.power >= least
-    ]
-    return tuple(sorted(found, key=lambda ghost: -ghost.power))
-
-
 def _plate(name: str, plate: Plate) -> list[Surface]:
     tilt, across = math.radians(plate.tilt_deg), math.radians(plate.across_deg)
     wedge = math.radians(plate.wedge_deg)
@@ -558,76 +480,3 @@ def _path_name(stack: Stack, path: Path) -> str:
     pairs = [" + ".join(stack.surfaces[k].name for k in pair) for pair in path]
     groups = [(name, len(list(same))) for name, same in groupby(pairs)]
     return ", ".join(name if times == 1 else f"{name} x{times}" for name, times in groups)
-
-
-def _with(stack: Stack, index: int, reflectance: float) -> Stack:
-    surfaces = list(stack.surfaces)
-    surfaces[index] = replace(surfaces[index], reflectance=reflectance)
-    return replace(stack, surfaces=tuple(surfaces))
-
-
-def _split(
-    stack: Stack, focus_mm: float, distance_mm: float, field_mm: float, least: float
-) -> dict[tuple[int, int, int], Found]:
-    """Return the images that the split light makes, by place and size, without the direct one."""
-    travel = float(stack.travel(np.array(focus_mm)))
-    places = np.cumsum([0.0] + [surface.gap_mm for surface in stack.surfaces[:-1]])
-    places[stack.moving + 1 :] += travel
-    powers = stack._powers(np.array(travel))
-    y, slope = stack._chief(powers, np.array(field_mm))
-    stop, _ = (np.tensordot(rows, powers, 1) for rows in stack._direct)
-    near = 1.0 / distance_mm
-    last = len(stack.surfaces) - 1
-    direct = math.prod(1.0 - surface.reflectance for surface in stack.surfaces[:-1])
-    images: dict[tuple[int, int, int], Found] = {}
-    # Chief ray along and across the row, and a ray of the pencil, each as (y, slope).
-    rays = np.array(
-        [
-            [y[0], slope[0]],
-            [y[1], slope[1]],
-            [(1.0 - stack.pupil_mm * near) / stop[0, 0], near / stop[0, 0]],
-        ]
-    )
-    lean = np.array(
-        [
-            [surface.tilt_rad for surface in stack.surfaces],
-            [surface.across_rad for surface in stack.surfaces],
-            [0.0 for _ in stack.surfaces],
-        ]
-    )
-    waiting = [(0, 1, rays, 1.0 / direct, 1.0, -1)]
-    while waiting:
-        index, way, rays, power, share, visits = waiting.pop()
-        surface = stack.surfaces[index]
-        if index == stack.stop:
-            visits += 1
-            if visits > 0:
-                middle = math.hypot(rays[0, 0], rays[1, 0])
-                radius = abs(rays[2, 0]) * stack.stop_mm
-                share = min(share, float(_passed(np.array(radius), np.array(middle), stack)))
-        if index == last:
-            offset, across = (rays[0, 0] - field_mm) / stack.pitch_mm, rays[1, 0] / stack.pitch_mm
-            blur = abs(rays[2, 0]) * stack.stop_mm / stack.pitch_mm
-            key = (round(1e4 * offset), round(1e4 * across), round(1e4 * blur))
-            old = images[key].power if key in images else 0.0
-            images[key] = Found((), (), old + power * share, offset, across, blur)
-        leaning = surface.curvature * rays[:, 0] + lean[:, index]
-        if 0 <= index + way <= last and power * (1.0 - surface.reflectance) >= least:
-            ratio = surface.before / surface.after
-            ratio = ratio if way > 0 else 1.0 / ratio
-            onward = rays.copy()
-            onward[:, 1] = ratio * (rays[:, 1] + leaning) - leaning
-            onward[:, 1] -= way * surface.power * rays[:, 0]
-            onward[:, 0] += onward[:, 1] * (places[index + way] - places[index])
-            waiting.append(
-                (index + way, way, onward, power * (1.0 - surface.reflectance), share, visits)
-            )
-        if index - way >= 0 and power * surface.reflectance >= least:
-            back = rays.copy()
-            back[:, 1] = -rays[:, 1] - 2.0 * leaning
-            back[:, 0] += back[:, 1] * (places[index - way] - places[index])
-            waiting.append((index - way, -way, back, power * surface.reflectance, share, visits))
-    # The direct image: where the spot is, as sharp as its defocus, with all of the light.
-    brightest = max(images, key=lambda key: images[key].power)
-    del images[brightest]
-    return images

@@ -136,22 +136,6 @@ def turn_correlation(pixel_cells: float, turn: Floats) -> Floats:
     return np.asarray(covariance[1:]) / covariance[0]
 
 
-def dorsch_px(contrast: float, wavelength_nm: float, working: float, pitch_mm: float) -> float:
-    """Return the position error of a resolved point, px: C lambda / (2 pi sin u').
-
-    Dorsch, Haeusler, Herrmann, Laser triangulation: fundamental uncertainty in distance
-    measurement, 1994. It is the least that a centroid over a whole, unresolved spot reaches; a spot
-    of several pixels, cut out of one row, errs more, see ``position_rms_px``.
-
-    Args:
-        contrast: Contrast of the speckle.
-        wavelength_nm: Wavelength.
-        working: Working f-number, 1 / (2 sin u').
-        pitch_mm: Pitch of the pixels.
-    """
-    return contrast * wavelength_nm * 1e-6 * working / math.pi / pitch_mm
-
-
 @lru_cache(maxsize=16)
 def _error_factor(cut: float) -> float:
     half = math.sqrt(-2.0 * math.log(cut))

@@ -156,9 +156,7 @@ def _polish(material: Material, wavelength_nm: float) -> tuple[float, float]:
         return 0.0, 0.0
     share = -math.expm1(-whole)
     length_um = 2.0 * math.pi * material.surface_wave_um
-    return share, share / whole * _k_peak(
-        sigma_nm, wavelength_nm, length_um, material.slope, MIRROR_STEP
-    )
+    return share, share / whole * _k_peak(sigma_nm, wavelength_nm, length_um, material.slope)
 
 
 def tis(
@@ -179,98 +177,17 @@ def tis(
     )
 
 
-def bsdf_k(
-    beta: Floats | float,
-    cos_in: Floats | float,
-    cos_out: Floats | float,
-    *,
-    sigma_nm: float,
-    wavelength_nm: float,
-    length_um: float,
-    slope: float,
-    index_step: float = MIRROR_STEP,
-    specular: float = 1.0,
-) -> Floats:
-    """Return the K-correlation BSDF, metis (1), and (2) where the slope is 2.
-
-    Without its two cosines it integrates over the disc of direction cosines, d^2 beta =
-    cos_out d omega, to ``specular`` times ``tis``; with them a wide lobe holds somewhat less.
-
-    Leaves out what first-order scatter leaves out: roughness that is not small against the
-    wavelength, and polarisation.
-
-    Args:
-        beta: Distance of the scattered from the specular direction, in direction cosines.
-        cos_in: Cosine of the angle of incidence.
-        cos_out: Cosine of the scattered direction with the normal.
-        sigma_nm: Rms roughness at this wavelength; ``scaled_sigma`` converts it from another.
-        wavelength_nm: Wavelength of the light.
-        length_um: B, 2 pi times the typical wavelength of the surface.
-        slope: Slope s of the BSDF at high spatial frequencies.
-        index_step: dn, the change of the refractive index at the surface; 2 for a mirror.
-        specular: R, the reflectivity, or the transmission for scatter in transmission.
-
-    Returns:
-        sr^-1, of the common shape of ``beta`` and the cosines.
-    """
-    peak = specular * _k_peak(sigma_nm, wavelength_nm, length_um, slope, index_step)
-    shape = _k_shape(np.square(beta), length_um, wavelength_nm, slope)
-    return np.asarray(peak * np.asarray(cos_in) * np.asarray(cos_out) * shape)
-
-
-def scaled_sigma(
-    sigma_nm: float, from_nm: float, to_nm: float, *, length_um: float, slope: float
-) -> float:
-    """Return the effective roughness at another wavelength, metis (4), and (5) at slope 2.
-
-    A shorter wave sees finer roughness too, so its sigma is the larger one. (4) is printed with
-    plus signs in its brackets; they are minus, as in the normalisation of (1), or the two sides
-    do not agree at slope 2.
-
-    Args:
-        sigma_nm: Rms roughness that is effective at ``from_nm``.
-        from_nm: Wavelength of the characterisation.
-        to_nm: Wavelength of use.
-        length_um: Length B.
-        slope: Slope s.
-    """
-    ratio = _k_band(length_um, to_nm, slope) / _k_band(length_um, from_nm, slope)
-    return sigma_nm * math.sqrt(ratio)
-
-
-def roughness_xi(
-    sigma_nm: Floats | float,
-    wavelength_nm: float,
-    cos_in: Floats | float = 1.0,
-    cos_out: Floats | float = 1.0,
-) -> Floats:
-    """Return Rayleigh's roughness, iria (2-29): below 1 smooth, above 1 rough.
-
-    xi = (4 pi sigma / lambda) (cos_in + cos_out) / 2 with sigma the rms height (the report calls it
-    the variance). At 658 nm and normal incidence the limit is 52.4 nm.
-    """
-    mean = 0.5 * (np.asarray(cos_in) + np.asarray(cos_out))
-    return np.asarray(4.0 * math.pi * np.asarray(sigma_nm) / wavelength_nm * mean)
-
-
-def _k_exponent(length_um: float, wavelength_nm: float, slope: float) -> tuple[float, float]:
-    """Return L = ln(1 + B^2 / lambda^2) and t = (1 - s/2) L."""
-    log = math.log1p((1e3 * length_um / wavelength_nm) ** 2)
-    return log, (1.0 - 0.5 * slope) * log
-
-
 def _k_band(length_um: float, wavelength_nm: float, slope: float) -> float:
-    """Return (1 - (1 + B^2/lambda^2)^(1 - s/2)) / (s/2 - 1), which is L at slope 2."""
-    log, exponent = _k_exponent(length_um, wavelength_nm, slope)
+    """Return (1 - (1 + B^2/lambda^2)^(1 - s/2)) / (s/2 - 1): at slope 2 ln(1 + B^2/lambda^2)."""
+    log = math.log1p((1e3 * length_um / wavelength_nm) ** 2)
+    exponent = (1.0 - 0.5 * slope) * log
     return log if exponent == 0.0 else log * math.expm1(exponent) / exponent
 
 
-def _k_peak(
-    sigma_nm: float, wavelength_nm: float, length_um: float, slope: float, index_step: float
-) -> float:
-    """Return the BSDF of (1) or (2) at beta 0, without R and the cosines."""
+def _k_peak(sigma_nm: float, wavelength_nm: float, length_um: float, slope: float) -> float:
+    """Return a mirror's BSDF of metis (1), or (2) at slope 2, at beta 0, but for the cosines."""
     waves = 1e3 * length_um / wavelength_nm
-    whole = float(tis(sigma_nm, wavelength_nm, index_step))
+    whole = float(tis(sigma_nm, wavelength_nm))
     return whole * waves**2 / (math.pi * _k_band(length_um, wavelength_nm, slope))
 
 

@@ -351,33 +351,6 @@ def _turning(
     )
 
 
-def angle_error_rad(config: Config, scan: Scan) -> float:
-    """Return the rms of reported less true angle that the jitter causes, rad.
-
-    Of a = A cos(w t + d) and a mark m = A cos(w h), crossings t1, t2 with independent errors s give
-    d by their mean and h by half their distance, both with s / sqrt(2). So dA = A tan(w h) w dh,
-    and da = cos dA - A sin w dt averages over a period to w^2 s^2 A^2 / 4 (1 + tan^2(w h)): the rms
-    is w s A^2 / (2 m), over sqrt(N) for the mean of N periods.
-
-    It leaves out the harmonics, which change it by their share, and drift.
-
-    Args:
-        config: Configuration, whose mirror and jitter are used.
-        scan: The scan's jitter, and whether there is a mirror.
-    """
-    if scan.sweep == "even":
-        return 0.0
-    if config.mirror.polygon:
-        mirror, jitter_ns = config.mirror, config.mems.jitter_ns
-        speed = mirror.frequency_hz * math.radians(720.0 / mirror.facets)
-        return 1e-9 * speed * (jitter_ns if scan.jitter_ns is None else scan.jitter_ns)
-    motion = _Motion.of(config, scan)
-    if motion.mark_rad == 0.0 or abs(motion.mark_rad) >= motion.amplitude_rad:
-        return 0.0
-    one = _TURN * motion.frequency_hz * motion.jitter_s * motion.amplitude_rad**2
-    return one / (2.0 * abs(motion.mark_rad) * math.sqrt(motion.averaging))
-
-
 def write_edges(
     file: BinaryIO,
     begin_s: float,
