@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bus_registers import FIRST, BusRegisters
 
-from vrscan.clocked import register_file
+from vrscan.clocked import bus_arbiter, register_file
 from vrscan.clocked.command_server import answer, latency
 from vrscan.clocked.frame_decoder import Status as FrameStatus
 from vrscan.clocked.uart_link import MOST_BEFORE_REPLY
@@ -18,7 +18,8 @@ from vrscan.link.protocol import CaptureMode, Command, Status, command
 from vrscan.registers.register_map import REGISTERS
 
 DOCUMENT = (repository_root() / "docs/link.md").read_text()
-BUS_LATENCY = register_file.LATENCY - 1  # from the executor's own clock
+# From the executor's own clock, through the arbiter and back.
+BUS_LATENCY = register_file.LATENCY - 1 + 2 * bus_arbiter.LATENCY
 BAUD = 3_000_000
 
 
@@ -103,6 +104,9 @@ def test_records() -> None:
     more = re.findall(r"(\d+) the flag ([A-Z_]+)", DOCUMENT.split("| bits u8 |")[1].split("\n")[0])
     flags += [(records.MORE_FLAGS[int(bit)], name) for bit, name in more]
     assert {name: int(bit) for bit, name in flags} == pkg.FLAGS
+    formats = (repository_root() / "docs/formats.md").read_text()
+    explained = re.search(r"\n## Flags\n(.*?)\n## ", formats, re.DOTALL)
+    assert explained and set(re.findall(r"`([A-Z_]+)`", explained[1])) == {*pkg.FLAGS}
 
 
 @pytest.mark.parametrize(

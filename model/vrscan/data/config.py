@@ -99,11 +99,11 @@ class Peak(Section):
     """
 
     period: Literal["n", "n-1"] = "n"
-    """Whether the threshold is that of the line itself or of the line before it."""
+    """Period T of (8): the window's width N, or N - 1 as printed, with one window only."""
     window: Literal["threshold", "two_pass", "fit"] = "fit"
     """How the window around a spot is found, and whether a Gaussian is fitted from it."""
     noise: Literal["background", "row"] = "background"
-    """The spread that the threshold takes: of the pixels beside the spot, or of the whole row."""
+    """Where background and noise are taken: beside the spot, or in the whole row as printed."""
     k_noise: float = Field(default=2.5, ge=0, lt=256)
     """Threshold above background / spread."""
     k_height: float = Field(default=0.02, ge=0, lt=1)
