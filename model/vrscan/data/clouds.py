@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -185,7 +186,7 @@ def _write_xyz(cloud: Cloud, file: BinaryIO) -> None:
     np.savetxt(file, found, "%.4f %.4f %.4f %.3f %.4f %.3f %d %.9f")
 
 
-def _write_las(cloud: Cloud, file: BinaryIO, *, packed: bool = False) -> None:
+def _write_las(cloud: Cloud, file: BinaryIO, *, packed: bool) -> None:
     """Write LAS 1.4 with points of format 6, which have a time and an angle."""
     with named():
         import laspy
@@ -219,10 +220,6 @@ def _write_las(cloud: Cloud, file: BinaryIO, *, packed: bool = False) -> None:
     for name, (column, kind, _) in more.items():
         found[name] = column.astype(kind)
     found.write(_Open(file), do_compress=packed)
-
-
-def _write_laz(cloud: Cloud, file: BinaryIO) -> None:
-    _write_las(cloud, file, packed=True)
 
 
 class _Open:
@@ -286,8 +283,8 @@ _WRITERS: dict[str, Callable[[Cloud, BinaryIO], None]] = {
     ".ply": _write_ply,
     ".pcd": _write_pcd,
     ".xyz": _write_xyz,
-    ".las": _write_las,
-    ".laz": _write_laz,
+    ".las": partial(_write_las, packed=False),
+    ".laz": partial(_write_las, packed=True),
     ".e57": _write_e57,
     ".rrd": _write_rrd,
 }

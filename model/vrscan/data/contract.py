@@ -181,7 +181,7 @@ def _whole(
 
 
 def _check_limits(
-    name: str, values: npt.NDArray[Any], inside: Bools, limits: str, first: int = 0
+    name: str, values: npt.NDArray[Any], inside: Bools, limits: str, first: int
 ) -> None:
     """Raise an error unless all values are inside; it names the first one that is not."""
     outside = np.argwhere(~np.atleast_1d(inside))

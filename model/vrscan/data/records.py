@@ -272,7 +272,7 @@ def points(records: Records, pixel_width: int = 12, unit_mm: int = 1) -> Points:
     )
 
 
-def short_points(found: Records, pixel_width: int = 12, unit_mm: int = 1) -> Points:
+def short_points(found: Records, pixel_width: int, unit_mm: int) -> Points:
     """Return compact records, or those of points and free beams, as points.
 
     What they lack is 0. Of the flags that share a bit the first stands for all, and what is

@@ -222,13 +222,6 @@ def run_rtl(
     return _run(lines, angle, power, registers, progress, mirror_flags, max_window, maps, lens)[0]
 
 
-def latencies(
-    lines: Pixels,
-    angle: Ints,
-    power: Ints,
-    registers: Registers,
-    *,
-    max_window: int = MAX_WINDOW,
-) -> Ints:
+def latencies(lines: Pixels, angle: Ints, power: Ints, registers: Registers) -> Ints:
     """Return the clocks from each line's last pixel to its point, int64 [n]; see ``run_rtl``."""
-    return _run(lines, angle, power, registers, None, 0, max_window)[1]
+    return _run(lines, angle, power, registers, None, 0, MAX_WINDOW)[1]

@@ -71,24 +71,21 @@ def amplitude(
     return math.ldexp(peak, ampl_width - 1 - entry_width) * (1 + length_error)
 
 
-def error_bound(
-    ampl_width: int, table_bits: int = TABLE_BITS, entry_width: int = ENTRY_WIDTH
-) -> float:
-    """Return the largest error of an output against ``amplitude * sin``, in output steps.
+def error_bound(ampl_width: int) -> float:
+    """Return an output's largest error against ``amplitude * sin``, as shipped, in output steps.
 
     It is the sum of all roundings, each derived from a width: the interpolation's length error and
     its cubic term, the entry, d and its constant, the cut factor, the cut product, and the output.
     """
-    largest = max_step(table_bits)
     turn_error = abs(TURN / 2**17 * 8 / (2 * math.pi) - 1)
     error = (
-        largest * largest / 4
-        + largest**3 / 3
-        + 2.0 ** -(entry_width + 1)
-        + 2.0 ** -(table_bits + _EXTRA + 1)
-        + largest * turn_error
-        + largest * 2.0**-SLOPE_WIDTH
-        + 2.0**-entry_width
+        LENGTH_ERROR
+        + MAX_STEP**3 / 3
+        + 2.0 ** -(ENTRY_WIDTH + 1)
+        + 2.0 ** -(TABLE_BITS + _EXTRA + 1)
+        + MAX_STEP * turn_error
+        + MAX_STEP * 2.0**-SLOPE_WIDTH
+        + 2.0**-ENTRY_WIDTH
     )
     return math.ldexp(error, ampl_width - 1) + 0.5
 
@@ -114,7 +111,7 @@ def quarter_wave(
 
     Returns:
         Sine and cosine, int64 arrays of the shape of ``phase``, where ``amplitude(ampl_width)``
-        stands for 1.0. The error of each is at most ``error_bound(ampl_width)`` steps.
+        stands for 1.0. As shipped the error of each is at most ``error_bound(ampl_width)`` steps.
 
     Raises:
         ValueError: if a phase or a width is out of range.

@@ -168,9 +168,9 @@ class Peaks:
     first_width: Ints  # pixels of the first window
 
 
-def peaks(lines: Pixels, registers: Registers, max_window: int = MAX_WINDOW) -> Peaks:
+def peaks(lines: Pixels, registers: Registers) -> Peaks:
     """Return the peaks of lines, as ``run_fixed`` has them; arguments as there."""
-    (statistics, window), second, harmonic, _ = _windowed(lines, registers, max_window)
+    (statistics, window), second, harmonic, _ = _windowed(lines, registers, MAX_WINDOW)
     return Peaks(
         maximum=statistics.maximum,
         background=statistics.background,

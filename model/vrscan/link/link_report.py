@@ -36,6 +36,7 @@ COMPACT_FLAGS = {
 }
 _MS: dict[str, Any] = {"unit": "ms", "scale": 1e3}
 _MARKS = " ▁▂▃▄▅▆▇█"
+_MARK_ROWS = 6  # height of a raw line as text
 
 
 # ---- registers ----
@@ -329,15 +330,15 @@ def capture_table(found: Sequence[Captured], settings: Threshold, build: Build) 
     return Sheet(columns, rows).terminal("Lines")
 
 
-def capture_text(each: Captured, width: int, rows: int = 6) -> str:
+def capture_text(each: Captured, width: int) -> str:
     """Return a raw line as text: each column's largest pixel, from 0 to the line's largest."""
     columns = min(width, len(each.pixels))
     edges = np.linspace(0, len(each.pixels), columns + 1).astype(np.int64)[:-1]
     heights = np.maximum.reduceat(each.pixels, edges).astype(np.float64)
     steps = len(_MARKS) - 1
-    scaled = np.round(heights / max(1.0, heights.max()) * rows * steps).astype(np.int64)
+    scaled = np.round(heights / max(1.0, heights.max()) * _MARK_ROWS * steps).astype(np.int64)
     lines = [f"line {each.line}, 0 to {int(heights.max())}, {len(each.pixels)} px"]
-    for row in range(rows - 1, -1, -1):
+    for row in reversed(range(_MARK_ROWS)):
         part = np.clip(scaled - row * steps, 0, steps)
         lines.append("".join(_MARKS[k] for k in part))
     return "\n".join(lines)
