@@ -11,7 +11,6 @@ import mmap
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Protocol, Self
 
 from vrscan.data import link_pkg
@@ -116,17 +115,6 @@ class AxiDevice(RegisterHost):
             raise
         device._close = words.close
         return device
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Let go of the registers; mirror and laser keep their state."""

@@ -18,8 +18,6 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from types import TracebackType
-from typing import Self
 
 from vrscan.clocked.line_trigger import line_step
 from vrscan.clocked.mirror_drive import RATE_FRACTION
@@ -112,17 +110,6 @@ class Device(RegisterHost):
         except BaseException:
             self._transport.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     # ---- connection ----
 
@@ -382,16 +369,15 @@ class Device(RegisterHost):
             with contextlib.suppress(UnpluggedError):
                 self.stop()
 
-    def wait_for_mirror(self, wanted: int = RUN, progress: StartProgress | None = None) -> None:
-        """Wait until the mirror is in a state, for as long as the board itself allows.
+    def wait_for_mirror(self, progress: StartProgress | None = None) -> None:
+        """Wait until the mirror is in RUN, for as long as the board itself allows.
 
         Args:
-            wanted: The state to wait for.
             progress: Called with a text, the state's name and the drive's frequency, and with the
                 elapsed share of the time that a start takes, in the board's time.
 
         Raises:
-            LinkError: if the mirror is in FAULT, or not in the state in time.
+            LinkError: if the mirror is in FAULT, or not in RUN in time.
         """
         start, clock_hz = self.uptime(), self.build.clock_hz
         held = self.read_many(_START)
@@ -403,9 +389,9 @@ class Device(RegisterHost):
             state, spent = integer(now["mirror_state"]), integer(now["uptime"]) - start
             if progress is not None:
                 drive_hz = integer(now["mirror_word"]) / 2.0**pkg.TURN_WIDTH * clock_hz
-                share = 1.0 if state == wanted else min(0.99, spent / expected)
+                share = 1.0 if state == RUN else min(0.99, spent / expected)
                 progress(f"{_of(STATES, state)}, drive {drive_hz:.2f} Hz", share)
-            if state == wanted:
+            if state == RUN:
                 return
             if state == FAULT:
                 fault = _of(FAULTS, integer(now["mirror_fault"]))
@@ -413,7 +399,7 @@ class Device(RegisterHost):
             if spent > allowed:
                 raise LinkError(
                     f"{self.port}: the mirror is in {_of(STATES, state)} and not in "
-                    f"{_of(STATES, wanted)} after {spent / self.build.clock_hz:.3g} s"
+                    f"{_of(STATES, RUN)} after {spent / self.build.clock_hz:.3g} s"
                 )
             self._closing.wait(0.1)
 

@@ -7,6 +7,8 @@ import abc
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 
@@ -135,6 +137,21 @@ class RegisterHost(abc.ABC):
         self.timeout = timeout
         self.registers = RegisterView(self)
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Let go of the board; the mirror keeps its state."""
+
     @abc.abstractmethod
     def read_words(self, address: int, count: int) -> list[int]:
         """Return words at consecutive addresses, at most ``link_pkg.MAX_WORDS``.
@@ -253,16 +270,20 @@ class RegisterHost(abc.ABC):
         for k, block in enumerate(blocks):
             reach = range(block.address, block.address + len(block.words))
             back = self.write_words(block, repeatable=events.isdisjoint(reach))
-            for address, got, want in zip(reach, back, block.words, strict=True):
-                if got != want:
-                    raise LinkError(
-                        f"{self.port}: {values.name_at(address)}: reads {got:#x} after a write of "
-                        f"{want:#x}"
-                    )
+            self._compare(block, back)
             if progress is not None:
                 progress(k + 1, len(blocks))
         if commit and any(values.find(name).commit for name, _ in settings):
             self.commit()
+
+    def _compare(self, block: Block, back: Sequence[int]) -> None:
+        """Raise an error if words read back differ from those written."""
+        for address, (got, want) in enumerate(zip(back, block.words, strict=True), block.address):
+            if got != want:
+                raise LinkError(
+                    f"{self.port}: {values.name_at(address)}: reads {got:#x} after a write of "
+                    f"{want:#x}"
+                )
 
     def commit(self) -> int:
         """Let all that was written take effect together, between two lines.
@@ -374,15 +395,7 @@ class RegisterHost(abc.ABC):
             if progress is not None:
                 progress(k + 1, 2 * len(blocks))
         for k, block in enumerate(blocks):  # now that no write can hit another node any more
-            back = self.read_words(block.address, len(block.words))
-            for address, (got, want) in enumerate(
-                zip(back, block.words, strict=True), block.address
-            ):
-                if got != want:
-                    raise LinkError(
-                        f"{self.port}: {values.name_at(address)}: reads {got:#x} after a write of "
-                        f"{want:#x}"
-                    )
+            self._compare(block, self.read_words(block.address, len(block.words)))
             if progress is not None:
                 progress(len(blocks) + k + 1, 2 * len(blocks))
         return bank

@@ -13,7 +13,7 @@ from typing import Self
 
 import numpy as np
 
-from vrscan.data import link_pkg, records
+from vrscan.data import link_pkg, pkg, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.records import Form, Records
 from vrscan.link.protocol import Batch, CapturePixels, CaptureRecord
@@ -24,7 +24,7 @@ CAPTURE_DEPTH = 64  # lines that wait for the program
 COMPACT = np.dtype([("line", "<u4"), *records.COMPACT.descr])
 SPACE = np.dtype([("line", "<u4"), *records.SPACE.descr])
 DTYPES = {Form.COMPACT: COMPACT, Form.FULL: records.FULL, Form.SPACE: SPACE}
-LINES = 1 << 32  # line numbers wrap here
+LINES = 1 << pkg.LINE_NUMBER_WIDTH  # line numbers wrap here
 DROPPED = 1 << 16  # the packer's count wraps here
 PACKETS = 1 << 8
 
@@ -78,7 +78,32 @@ class Account:
         return ", ".join(parts)
 
 
-class PointStream:
+class _Stream:
+    """What comes from the board for another thread.
+
+    Args:
+        check: Function that raises the error of a port that is gone.
+    """
+
+    def __init__(self, check: Callable[[], None]) -> None:
+        self._check = check
+        self._arrived = threading.Condition()
+        self._running = False
+
+    def wake(self) -> None:
+        """Wake the thread that waits, because nothing will come."""
+        with self._arrived:
+            self._arrived.notify_all()
+
+    def _gone(self) -> bool:
+        try:
+            self._check()
+        except LinkError:
+            return True
+        return False
+
+
+class PointStream(_Stream):
     """Points of every step-th line, from the board's start of the stream until its stop.
 
     Iterating yields the points that have come, as structured arrays: fields of ``records.FULL``, or
@@ -86,6 +111,7 @@ class PointStream:
 
     Args:
         form: Format of the records.
+        step: Distance from the line of one record to that of the next.
         stop: Function that stops the board and waits until the last packet has come.
         bad_frames: Function that returns the number of bad frames so far.
         check: Function that raises the error of a port that is gone.
@@ -105,17 +131,15 @@ class PointStream:
         check: Callable[[], None],
         depth: int = DEPTH,
     ) -> None:
+        super().__init__(check)
         self.account = Account()
         self.form = form
         self.step = step
         self._stop = stop
         self._bad_frames = bad_frames
-        self._check = check
         self._depth = depth
         self._waiting: deque[Records] = deque()
         self._waiting_records = 0  # number of records that wait
-        self._arrived = threading.Condition()
-        self._running = False
         self._stopped = False
         self._sequence = 0  # sequence number of the next packet
         self._line: int | None = None  # line of the next record
@@ -137,11 +161,6 @@ class PointStream:
         with self._arrived:
             if self._running and (batch.form, batch.step) == (self.form, self.step):
                 self._enter(batch)
-            self._arrived.notify_all()
-
-    def wake(self) -> None:
-        """Wake the thread that waits for points, because none will come."""
-        with self._arrived:
             self._arrived.notify_all()
 
     def _enter(self, batch: Batch) -> None:
@@ -191,13 +210,6 @@ class PointStream:
         if not self._stopped:
             self._check()
         return None
-
-    def _gone(self) -> bool:
-        try:
-            self._check()
-        except LinkError:
-            return True
-        return False
 
     def stop(self) -> None:
         """Stop the board; points that have come until then can still be fetched."""
@@ -266,7 +278,7 @@ class CaptureAccount:
     overflow: int = 0
 
 
-class CaptureStream:
+class CaptureStream(_Stream):
     """Raw lines as they come.
 
     Args:
@@ -278,15 +290,13 @@ class CaptureStream:
     """
 
     def __init__(self, line_length: int, check: Callable[[], None]) -> None:
+        super().__init__(check)
         self.account = CaptureAccount()
         self._length = line_length
-        self._check = check
         self._line: int | None = None  # line whose pixels come
         self._pixels = np.zeros(line_length, np.uint16)
         self._filled = np.zeros(line_length, np.bool_)
         self._waiting: deque[Captured] = deque()
-        self._arrived = threading.Condition()
-        self._running = False
 
     def begin(self) -> None:
         """Discard what came: the next packet is the first of a line."""
@@ -295,11 +305,6 @@ class CaptureStream:
             self._waiting.clear()
             self._line = None
             self._running = True
-
-    def wake(self) -> None:
-        """Wake the thread that waits for lines, because none will come."""
-        with self._arrived:
-            self._arrived.notify_all()
 
     def take_pixels(self, chunk: CapturePixels) -> None:
         """Take pixels; the reading thread calls this."""
@@ -357,10 +362,3 @@ class CaptureStream:
                 return self._waiting.popleft()
         self._check()
         return None
-
-    def _gone(self) -> bool:
-        try:
-            self._check()
-        except LinkError:
-            return True
-        return False
