@@ -16,10 +16,11 @@ from pydantic import ValidationError
 
 from vrscan.cli.calibrate_commands import calibrate
 from vrscan.cli.case_commands import cases
+from vrscan.cli.checks import check_range, check_suffix
 from vrscan.cli.config_commands import config as config_text
 from vrscan.cli.config_commands import new
 from vrscan.cli.file_commands import export, filter_points
-from vrscan.cli.link_commands import _suffix, link
+from vrscan.cli.link_commands import link
 from vrscan.cli.panels import group
 from vrscan.cli.progress import bar as _bar
 from vrscan.cli.progress import console as _console
@@ -376,9 +377,9 @@ def stray(
 
     _check_count(count, 1)
     if picture is not None:
-        _suffix(picture, (".png",))
+        check_suffix(picture, (".png",))
     if tolerance is not None:
-        _check_range("--tolerance", tolerance, 1e-6, 10.0)
+        check_range("--tolerance", tolerance, 1e-6, 10.0)
     settings = _settings(config)
     with contextlib.ExitStack() as stack:
         table, listed, drawn = (
@@ -411,7 +412,7 @@ def detectability(
     from vrscan.study.report import detectability_report as report
 
     if picture is not None:
-        _suffix(picture, (".png",))
+        check_suffix(picture, (".png",))
     with contextlib.ExitStack() as stack:
         table = None if csv is None else stack.enter_context(atomic_file(csv))
         drawn = None if picture is None else stack.enter_context(atomic_file(picture))
@@ -611,7 +612,7 @@ def replay(
 ) -> None:
     """Turn recorded lines into points."""
     _check_jobs(jobs)
-    suffix = _suffix(out, (".csv", ".ply"))
+    suffix = check_suffix(out, (".csv", ".ply"))
     settings = _settings(config, recording)
     with atomic_file(out) as file, line_files.opened(recording, settings, angles) as recorded:
         engines.prepare(engine, settings)
@@ -665,14 +666,14 @@ def mirror(
     """Run the RTL's mirror loop against the simulated mirror, or on recorded index edges."""
     from vrscan.study.report import mirror_report as report
 
-    _suffix(out, (".csv",))  # a .png would be overwritten by the picture
+    check_suffix(out, (".csv",))  # a .png would be overwritten by the picture
     settings = _mirror_settings(config, jitter_ns)
-    _check_range("--drift", drift, -100.0, 100.0)
-    _check_range("--shock", shock, -1000.0, 1000.0)
+    check_range("--drift", drift, -100.0, 100.0)
+    check_range("--shock", shock, -1000.0, 1000.0)
     if drop < 0 or drop == 1:
         raise InputError(f"--drop: must be 0 for none, or 2 or more ({drop})")
     if seconds is not None:
-        _check_range("--seconds", seconds, 0.001, MOST_SECONDS)
+        check_range("--seconds", seconds, 0.001, MOST_SECONDS)
     events = report.Events(drift_hz=drift, shock_rad_per_s=shock, drop_every=drop)
     if recording is not None:
         if events.any or jitter_ns is not None:
@@ -680,7 +681,7 @@ def mirror(
         with telling():
             rows, amplitude, last = report.read_edges(recording, settings)
         length = last if seconds is None else min(seconds, last)
-        _check_range(f"{recording}: last time_s", length, 0.0, MOST_SECONDS)
+        check_range(f"{recording}: last time_s", length, 0.0, MOST_SECONDS)
         title = f"Mirror: {recording.name}, {length:.3f} s"
     else:
         length = (3.0 if drift else 0.5) if seconds is None else seconds
@@ -742,11 +743,11 @@ def board(
         raise InputError("board: its serial port is a pseudoterminal, which Windows has none of")
     settings = virtual.on_board(_settings(config))
     if clock_hz is not None:
-        _check_range("--clock-hz", clock_hz, 1e6, 1e9)
+        check_range("--clock-hz", clock_hz, 1e6, 1e9)
         clock = settings.clock.model_copy(update={"frequency_hz": clock_hz})
         settings = settings.model_copy(update={"clock": clock})
     if seconds is not None:
-        _check_range("--seconds", seconds, 1e-6, 1e6)
+        check_range("--seconds", seconds, 1e-6, 1e6)
     _with_lines(settings)
     where = build_folder() / "board" / "port" if port is None else port
     _question(
@@ -787,14 +788,9 @@ def _mirror_settings(path: Path | None, jitter_ns: float | None) -> Config:
     settings = configuration.load(path)
     if jitter_ns is None:
         return settings
-    _check_range("--jitter-ns", jitter_ns, 0.0, 1e6)
+    check_range("--jitter-ns", jitter_ns, 0.0, 1e6)
     mems = settings.mems.model_copy(update={"jitter_ns": jitter_ns})
     return settings.model_copy(update={"mems": mems})
-
-
-def _check_range(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:  # also refuses NaN
-        raise InputError(f"{name}: must be {low:g} to {high:g} ({value:g})")
 
 
 @app.command()
@@ -959,7 +955,7 @@ def _planned(
     from vrscan.study.plan import plan, survey
 
     if tolerance is not None:
-        _check_range("--tolerance", tolerance, 1e-6, 10.0)
+        check_range("--tolerance", tolerance, 1e-6, 10.0)
     wanted: str | list[str] | None = fidelity
     if fidelity is not None and fidelity not in ("auto", "full", "minimal"):
         wanted = [name.strip() for name in fidelity.split(",")]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vrscan.cli.link_commands import _suffix
+from vrscan.cli.checks import check_suffix
 from vrscan.cli.panels import group
 from vrscan.cli.progress import bar, console, telling
 from vrscan.data import config as configuration
@@ -81,7 +81,7 @@ def calibrate_record(
     """Make a calibration scan of the points and index edges of a known surface."""
     from vrscan.calibrate import recording
 
-    _suffix(out, (SUFFIX,))
+    check_suffix(out, (SUFFIX,))
     settings = read_config(source, config)
     values: dict[str, object] = {
         "kind": kind,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vrscan.cli.link_commands import _suffix
-from vrscan.cli.progress import telling
+from vrscan.cli.checks import check_suffix
+from vrscan.cli.progress import console, telling
 from vrscan.data.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,15 +62,14 @@ def export(
     frame: Annotated[str, typer.Option(help="The scanner's frame_id in ROS messages.")] = "vrscan",
 ) -> None:
     """Write points in the formats of other programs, which the files' endings choose."""
-    from vrscan.cli.progress import console
     from vrscan.data import clouds, poses, range_image
     from vrscan.data.points import atomic_file
 
     paths = list(out or ())
     for path in paths:
-        _suffix(path, clouds.SUFFIXES)
+        check_suffix(path, clouds.SUFFIXES)
     if image is not None:
-        _suffix(image, range_image.SUFFIXES)
+        check_suffix(image, range_image.SUFFIXES)
         paths.append(image)
     if not paths:
         raise InputError("export: no file to write: name one or more, or give --range-image")
@@ -148,7 +147,6 @@ def filter_points(
     ] = None,
 ) -> None:
     """Filter points, with each filter that is given, in the order in which they are given."""
-    from vrscan.cli.progress import console
     from vrscan.data import filters
     from vrscan.data.points import atomic_file, write_csv
 
@@ -164,7 +162,7 @@ def filter_points(
     if not order:
         names = ", ".join("--" + name.replace("_", "-") for name in known)
         raise InputError(f"filter: no filter is given: {names}")
-    _suffix(out, (".csv",))
+    check_suffix(out, (".csv",))
     with atomic_file(out) as file:
         table = _read(points)
         found = table

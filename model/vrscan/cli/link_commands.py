@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vrscan.cli.checks import check_range, check_suffix
 from vrscan.cli.interrupt import interrupted
 from vrscan.cli.panels import group
+from vrscan.cli.progress import console as _console
 from vrscan.data.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED, InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from vrscan.data.config import Config
     from vrscan.data.records import Form, Records
     from vrscan.link.device import Device, StartProgress
@@ -193,8 +193,8 @@ def watch(
     from vrscan.cli import live
 
     if seconds is not None:
-        _check("--seconds", seconds, 0.01, 1e6)
-    _check("--step", step, 1, 255)
+        check_range("--seconds", seconds, 0.01, 1e6)
+    check_range("--step", step, 1, 255)
     with _device(port, baud, timeout) as device, _running(device, start):
         live.watch(device, _console(), seconds=seconds, step=step)
 
@@ -224,15 +224,15 @@ def capture(
     from vrscan.data.recordings import SUFFIX
     from vrscan.link import link_report as report
 
-    _check("--lines", count, 1, MOST_LINES)
-    _check("--every", every, 1, 2**32 - 1)
+    check_range("--lines", count, 1, MOST_LINES)
+    check_range("--every", every, 1, 2**32 - 1)
     if line is not None:
-        _check("--line", line, 0, 2**32 - 1)
+        check_range("--line", line, 0, 2**32 - 1)
         if count > 1:
             raise InputError(f"--line: is one line, and not {count}")
         if peak:
             raise InputError("--line: is one line, with a peak or without (--peak)")
-    kind, held = _suffix(out, PICTURES), configuration.load(config)
+    kind, held = check_suffix(out, PICTURES), configuration.load(config)
     if out is not None:
         check_writable(out)
     note, took = "", _Took()
@@ -310,18 +310,18 @@ def points(
     if (count is None) == (seconds is None):
         raise InputError("--count or --seconds: one of them is needed")
     if count is not None:
-        _check("--count", count, 1, MOST_POINTS)
+        check_range("--count", count, 1, MOST_POINTS)
     if seconds is not None:
-        _check("--seconds", seconds, 0.001, 1e6)
+        check_range("--seconds", seconds, 0.001, 1e6)
     if step is not None:
-        _check("--step", step, 1, 255)
-    kind = _suffix(out, FORMATS)
+        check_range("--step", step, 1, 255)
+    kind = check_suffix(out, FORMATS)
     if space and not full:
         raise InputError("--space: not with --compact")
     form = Form.SPACE if space else Form(full)
     settings = configuration.load(config)
     if stream_baud is not None:
-        _check("--stream-baud", stream_baud, 1, 1_000_000_000)
+        check_range("--stream-baud", stream_baud, 1, 1_000_000_000)
     check_writable(out)
     note, took = "", _Took()
     with (
@@ -448,7 +448,7 @@ def read_maps(
     from vrscan.registers.map_table import field_maps
 
     settings = configuration.load(config)
-    _suffix(out, (".npz",))
+    check_suffix(out, (".npz",))
     check_writable(out)
     with _device(port, baud, timeout) as device, _bar("maps") as progress:
         found = device.read_maps(progress)
@@ -507,8 +507,8 @@ def bench(
     from vrscan.link import benchmark
     from vrscan.link import link_report as report
 
-    _check("--pings", pings, 3, 100_000)
-    _check("--seconds", seconds, 0.01, 3600.0)
+    check_range("--pings", pings, 3, 100_000)
+    check_range("--seconds", seconds, 0.01, 3600.0)
     try:
         rates = [int(text) for text in bauds.split(",")] if bauds else [baud]
     except ValueError:
@@ -527,8 +527,8 @@ def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
     """Connect to the board; Ctrl-C and SIGTERM leave the board stopped."""
     from vrscan.link.device import Device
 
-    _check("--baud", baud, 1, 1_000_000_000)
-    _check("--timeout", timeout, 0.01, 3600.0)
+    check_range("--baud", baud, 1, 1_000_000_000)
+    check_range("--timeout", timeout, 0.01, 3600.0)
     with Device(chosen_port(port), baud=baud, timeout=timeout) as device:
         yield device
 
@@ -582,27 +582,6 @@ def _starting() -> Iterator["StartProgress"]:
         yield lambda state, share: bar(
             round(100 * share), 100, f"waiting for the mirror's RUN: {state}"
         )
-
-
-def _check(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:  # also refuses NaN
-        raise InputError(f"{name}: must be {low:g} to {high:g} ({value:g})")
-
-
-def _suffix(path: Path | None, known: tuple[str, ...]) -> str:
-    """Return the suffix of a file's name, which has to be a known one."""
-    if path is None:
-        return ""
-    if path.suffix not in known:
-        raise InputError(f"{path}: must end in {' or '.join(known)}")
-    return path.suffix
-
-
-def _console() -> "Console":
-    """Return the output; where it is no terminal it is wide enough for the tables."""
-    from rich.console import Console
-
-    return Console(width=None if sys.stdout.isatty() else 120)
 
 
 @contextlib.contextmanager

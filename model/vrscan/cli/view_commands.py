@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vrscan.cli.checks import check_range
 from vrscan.cli.interrupt import interrupted
 from vrscan.cli.link_commands import (
     BAUD,
@@ -19,7 +20,6 @@ from vrscan.cli.link_commands import (
     PortOption,
     StartOption,
     TimeoutOption,
-    _check,
     chosen_port,
 )
 from vrscan.data.errors import InputError
@@ -93,12 +93,12 @@ def view(
     given = [name for name, there in wanted.items() if there]
     if len(given) > 1:
         raise InputError(f"{' or '.join(given)}: only one of them")
-    _check("--speed", speed, 1e-4, 100.0)
+    check_range("--speed", speed, 1e-4, 100.0)
     if step is not None:
-        _check("--step", step, 1, MOST_STEP)
-    _check("--http-port", http_port, 0, 65535)
-    _check("--baud", baud, 1, 1_000_000_000)
-    _check("--timeout", timeout, 0.01, 3600.0)
+        check_range("--step", step, 1, MOST_STEP)
+    check_range("--http-port", http_port, 0, 65535)
+    check_range("--baud", baud, 1, 1_000_000_000)
+    check_range("--timeout", timeout, 0.01, 3600.0)
     settings = configuration.load(config)
     source: LiveSource | Playback
     with contextlib.ExitStack() as stack:
