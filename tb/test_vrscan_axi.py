@@ -1,5 +1,6 @@
 """vrscan_axi: a host on AXI alone loads the instrument, and its streams are those of the model."""
 
+import re
 from dataclasses import fields
 
 import cocotb
@@ -18,6 +19,7 @@ from vrscan.data import link_pkg, pkg
 from vrscan.data.config import Config, Geometry, Peak, Sensor
 from vrscan.data.errors import InputError
 from vrscan.data.records import TEST, decode_full, encode_full
+from vrscan.engines.tools import repository_root
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import lines, step_of_width
 from vrscan.fixed.vrscan_chain import run_fixed
@@ -179,3 +181,15 @@ def check_lines(packets, pixels, dropped: int) -> None:
 
 def test_vrscan_axi_rtl_equals_models() -> None:
     simulate("vrscan_axi", __file__, PARAMETERS, large=True)
+
+
+def test_every_parameter_of_the_instrument_can_be_set() -> None:
+    rtl = repository_root() / "rtl"
+    inner, outer = (
+        re.findall(r"^  parameter .*?(\w+) += .*", (rtl / file).read_text(), re.MULTILINE)
+        for file in ("vrscan.sv", "axi/vrscan_axi.sv")
+    )
+    instance = (rtl / "axi/vrscan_axi.sv").read_text().split("vrscan #(")[1].split("u_vrscan")[0]
+    passed = re.findall(r"\.(\w+)\((\w+)\)", instance)
+    assert "Polygon" in inner and set(inner) <= set(outer)
+    assert passed == [(name, name) for name in inner]

@@ -20,6 +20,7 @@ module vrscan_axi #(
   parameter int unsigned MaxWindow       = 255,
   parameter int unsigned IndexOversample = 4,
   parameter int unsigned BoardId         = 0,
+  parameter bit          Polygon         = 1'b0,
   parameter int unsigned PointSlots      = 16,
   parameter int unsigned LineSlots       = 2,
   parameter int unsigned Lanes           = 2
@@ -125,7 +126,8 @@ module vrscan_axi #(
   register_pkg::axi_t                axi;
   vrscan #(
     .ClockHz(ClockHz), .Baud(Baud), .LineLength(LineLength), .PixelWidth(PixelWidth),
-    .MaxWindow(MaxWindow), .IndexOversample(IndexOversample), .BoardId(BoardId)
+    .MaxWindow(MaxWindow), .IndexOversample(IndexOversample), .BoardId(BoardId),
+    .Polygon(Polygon)
   ) u_vrscan (
     .clk_i, .rst_i,
     .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i, .pixel_overflow_count_i,
