@@ -16,7 +16,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints, ValidationError
 
+from vrscan.clocked.register_file import LATENCY, SAMPLED, WRITTEN
 from vrscan.data import link_pkg, pkg
+from vrscan.data.bus import COMMIT, WRITABLE
+from vrscan.data.bus import WORD_BITS as WORD
 from vrscan.data.config import Section, complaint
 from vrscan.data.config import load as load_config
 from vrscan.data.errors import InputError
@@ -26,18 +29,13 @@ from vrscan.registers.structs import BANK
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = "rtl/link/registers.toml"
-WORD = 32  # bits
 MAP_BITS = 10  # of the addresses of registers; windows lie above
 PAGE_BITS = 4
 COLUMNS = 100
-LATENCY = 14  # clocks from bus_valid_i to bus_done_o
-SAMPLED = LATENCY - 4  # clocks from bus_valid_i until a READ sees an input
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")]
 Number = int | str  # or the name of a localparam
 Access = Literal["rw", "strobe", "ro", "counter", "constant"]
-WRITABLE = ("rw", "strobe")
-COMMIT = "commit"  # the register that lets what waits take effect
 # What no field can be called, of the words that a name could be.
 _KEYWORDS = """
     accept_on alias always and assert assign assume automatic before begin bind bins binsof
@@ -877,7 +875,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         source=made.source,
         package=package,
         latency=LATENCY,
-        written=7,
+        written=WRITTEN,
         sampled=SAMPLED,
         back=LATENCY - 9,
     ).splitlines()

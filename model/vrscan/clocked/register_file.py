@@ -4,16 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from vrscan.data import link_pkg
+from vrscan.data.bus import COMMIT, WORD_BITS, WORD_MASK, WRITABLE
 from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Register, Window
 
 LATENCY = 14  # clocks from bus_valid_i to bus_done_o
 WRITTEN = 7  # clocks from bus_valid_i to the first clock with the written value
 SAMPLED = 10  # clocks from bus_valid_i to the clock in which a READ samples the inputs
-
-WORD_BITS = 32
-WORD_MASK = (1 << WORD_BITS) - 1
-WRITABLE = ("rw", "strobe")
-COMMIT = "commit"  # the register that lets what waits take effect
 
 
 class Place(NamedTuple):

@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from typing import Protocol, Self
 
 from vrscan.data import link_pkg
+from vrscan.data.bus import WRITABLE
 from vrscan.data.errors import InputError
 from vrscan.link.protocol import Status
 from vrscan.link.register_host import DeviceError, RegisterHost
@@ -152,7 +153,7 @@ class AxiDevice(RegisterHost):
             if found is None:
                 raise DeviceError(self.port, Status.NO_ADDRESS, values.name_at(place))
             (access, lock), name = found, values.name_at(place)
-            if access not in ("rw", "strobe"):
+            if access not in WRITABLE:
                 raise DeviceError(self.port, Status.READ_ONLY, name, word)
             if lock is not None and lock not in locked:
                 locked[lock] = bool(self._bus.read(values.find(lock).address))

@@ -16,6 +16,7 @@ import numpy as np
 
 from vrscan.data import link_pkg, pkg, records
 from vrscan.data.arrays import Pixels
+from vrscan.data.bus import WORD_BITS, WORD_MASK, WRITABLE
 from vrscan.data.points import Points
 from vrscan.data.records import Form, Records
 from vrscan.fixed import peak_fit
@@ -38,7 +39,7 @@ LINES = 40  # lines of a run: full records that fit the board's buffer, and thos
 ANGLES = (0, 1 << 19, -(3 << 18), (1 << 21) - 1, -(1 << 21))  # angles of the test lines, in turn
 POWERS = (65_535, 30_000, 1_000, 1, 0)
 PATTERNS = (0, 0xFFFF_FFFF, 0x5555_5555, 0xAAAA_AAAA, 0x1234_5678, 0x0F1E_2D3C)
-WALKING = tuple(1 << k for k in range(values.WORD_BITS))
+WALKING = tuple(1 << k for k in range(WORD_BITS))
 # Registers that the chain uses for a point: without lines they may hold any value.
 CHAIN = tuple(
     field.name for field in fields(Registers) if field.name not in ("pixel_width", "line_length")
@@ -318,7 +319,7 @@ class SelfTest:
             for pattern in PATTERNS:
                 wanted = [
                     [
-                        values.within(field, pattern * (7 * k + j + 1)) & values.WORD_MASK
+                        values.within(field, pattern * (7 * k + j + 1)) & WORD_MASK
                         for j, field in enumerate(window.fields)
                     ]
                     for k in range(len(places))
@@ -397,15 +398,15 @@ class SelfTest:
 
         for register in REGISTERS.values():
             name, address = register.name, register.address
-            if register.access not in values.WRITABLE:
+            if register.access not in WRITABLE:
                 yield name, write(address, 0), link_pkg.STATUS_READ_ONLY
             elif register.lock in closed:
                 first = values.to_words(name, current.get(name, register.minimum))[0]
                 yield name, write(address, first), link_pkg.STATUS_LOCKED
-            elif register.width < values.WORD_BITS and register.maximum >= 0:
-                word = (register.maximum + 1) & values.WORD_MASK
+            elif register.width < WORD_BITS and register.maximum >= 0:
+                word = (register.maximum + 1) & WORD_MASK
                 yield name, write(address, word), link_pkg.STATUS_BAD_VALUE
-                word = (register.minimum - 1) & values.WORD_MASK
+                word = (register.minimum - 1) & WORD_MASK
                 yield name, write(address, word), link_pkg.STATUS_BAD_VALUE
         for window in WINDOWS.values():
             if window.bank is not None and window.in_use is not None:

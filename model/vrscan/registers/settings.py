@@ -7,7 +7,8 @@ are those of the register in ``rtl/link/registers.toml``, which docs/registers.m
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
-from vrscan.registers.values import NAMES, WRITABLE, Value, count, find
+from vrscan.data.bus import WRITABLE
+from vrscan.registers.values import NAMES, Value, count, find
 
 _WRITTEN = frozenset(name for name in NAMES if find(name).access in WRITABLE)
 

@@ -5,12 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from vrscan.data import link_pkg
+from vrscan.data.bus import WORD_BITS, WORD_MASK, WRITABLE
 from vrscan.data.errors import InputError, nearest
 from vrscan.registers.register_map import REGISTERS, WINDOWS, Register, Window
-
-WORD_BITS = 32
-WORD_MASK = (1 << WORD_BITS) - 1
-WRITABLE = ("rw", "strobe")
 
 Value = int | tuple[int, ...]
 FIELDS: dict[str, tuple[Window, Register]] = {
