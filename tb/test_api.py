@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from fake_board import FakeBoard
+from run_command import ended
 from scanners import EACH_SCANNER, words
 
 import vrscan
-from vrscan.cli import app as cli
 from vrscan.data import line_files, table
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, LinesError
@@ -112,10 +112,7 @@ def test_lines_are_those_of_the_command(
     monkeypatch.chdir(tmp_path)
     lines = vrscan.simulate("step", 300, config=config)
     given = ["scan", "step", "--lines", "300", "--engine", "fixed", "--keep-lines", "--out", "out"]
-    monkeypatch.setattr(sys, "argv", ["vrscan", *given, *words(config)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert not ended.value.code
+    assert ended(monkeypatch, *given, *words(config)) == 0
     kept = line_files.read(tmp_path / "out" / "lines.mcap", config)
     assert np.array_equal(kept.lines, lines.lines)
     assert np.array_equal(kept.angle_rad, lines.angle_rad)

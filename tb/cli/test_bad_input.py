@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from run_command import ended
 
 from vrscan.cli import app as cli
 from vrscan.cli import view_commands
@@ -192,13 +193,8 @@ def test_bad_input(
 ) -> None:
     arguments, wanted = CASES[case]
     before = sorted(folder.rglob("*"))
-    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
-    handler = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    signal.signal(signal.SIGTERM, handler)
+    assert ended(monkeypatch, *arguments) == 2
     output = capsys.readouterr()
-    assert caught.value.code == 2
     assert output.out == ""
     assert output.err.startswith("vrscan: ")
     assert output.err.count("\n") == 1, output.err
@@ -265,11 +261,8 @@ def test_what_cannot_be_written_is_told_before_the_work(
                 f"vrscan.{module}.repository_root", lambda: folder / "root", raising=False
             )
     before = sorted(folder.rglob("*"))
-    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
+    assert ended(monkeypatch, *arguments) == 2
     error = capsys.readouterr().err
-    assert caught.value.code == 2
     assert error.startswith("vrscan: ") and error.count("\n") == 1, error
     assert sorted(folder.rglob("*")) == before
 
@@ -282,10 +275,7 @@ def test_a_scene_is_read_before_the_engine_is_prepared(
         raise AssertionError("the engine was prepared")
 
     monkeypatch.setattr("vrscan.engines.engine.prepare", prepared)
-    monkeypatch.setattr(sys, "argv", ["vrscan", "scan", scene, "--out", "s"])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    assert caught.value.code == 2
+    assert ended(monkeypatch, "scan", scene, "--out", "s") == 2
     assert capsys.readouterr().err.startswith(f"vrscan: {scene}: ")
     assert not (folder / "s").exists()
 
@@ -299,10 +289,7 @@ def test_a_view_tells_that_its_port_is_not_there(
     told = "vrscan: port: no such port yet; it is waited for\n"
     for wanted in (told, ""):
         arguments = ["view", "--port", "port", "--out", "views", "--http-port", "0"]
-        monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
-        with pytest.raises(SystemExit) as caught:
-            cli.main()
-        assert not caught.value.code
+        assert ended(monkeypatch, *arguments) == 0
         output = capsys.readouterr()
         assert output.err == wanted and output.out.startswith("http://")
         (folder / "port").touch()
@@ -319,12 +306,7 @@ def test_an_absurd_scene_is_questioned_and_measures_nothing(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
-    handler = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    signal.signal(signal.SIGTERM, handler)
-    assert not caught.value.code
+    assert ended(monkeypatch, *arguments) == 0
     output = capsys.readouterr()
     told = [line for line in output.err.splitlines() if line.startswith("vrscan")]
     assert told == ["vrscan: odd.toml: laser.power_mw = 0: no light of the laser"]
@@ -337,12 +319,7 @@ def replayed(
     name: str, out: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> list[str]:
     """Replay a file and return the lines on the error stream, the bar's left out."""
-    monkeypatch.setattr(sys, "argv", ["vrscan", "replay", name, "--out", out, *IDEAL])
-    handler = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    signal.signal(signal.SIGTERM, handler)
-    assert not caught.value.code
+    assert ended(monkeypatch, "replay", name, "--out", out, *IDEAL) == 0
     return [line for line in capsys.readouterr().err.splitlines() if line.startswith("vrscan")]
 
 

@@ -5,15 +5,14 @@ The truth is the scene's, from ray casting: the spots of the far wall lie at z =
 """
 
 import csv
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from run_command import ended
 from scanners import EACH_SCANNER, words
 
-from vrscan.cli import app as cli
 from vrscan.data import recordings, records
 from vrscan.data.config import Config
 from vrscan.fixed.point_record import point_record
@@ -62,10 +61,7 @@ def scanned(scene: Path, engine: str, config: Config, monkeypatch: pytest.Monkey
     out = scene.with_name(engine)
     arguments = [str(scene), "--engine", engine, "--lines", str(LINES), "--keep-lines"]
     arguments += ["--fidelity", "defocus", "--jobs", "1", "--out", str(out), *words(config)]
-    monkeypatch.setattr(sys, "argv", ["vrscan", "scan", *arguments])
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    assert not caught.value.code
+    assert ended(monkeypatch, "scan", *arguments) == 0
     return out
 
 

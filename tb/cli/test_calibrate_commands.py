@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_scan_command import command
+from run_command import ended
 
 from vrscan.calibrate import recording, verify
 from vrscan.data import edges, recordings
@@ -32,7 +32,7 @@ def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ["scan", str(folder / "plane.toml"), "--out", str(folder / "plane"), "--jobs", "1"]
     with pytest.MonkeyPatch.context() as patch:
         how = ["--engine", "ideal", "--lines", "1501", "--fidelity", "minimal"]
-        assert command(patch, *words, *how) == 0
+        assert ended(patch, *words, *how) == 0
     points = read_csv(folder / "plane" / "points.csv")
     with recordings.Writer(folder / "both.mcap", Config()) as into:
         into.points(points)
@@ -58,7 +58,7 @@ def test_a_scan_of_files_and_of_recordings_is_the_same(
     }
     found = {}
     for name, words in sources.items():
-        assert command(monkeypatch, "calibrate", "record", *words, *SETUP, "--out", name) == 0
+        assert ended(monkeypatch, "calibrate", "record", *words, *SETUP, "--out", name) == 0
         found[name] = recording.read(Path(name))
     told = capsys.readouterr().out
     first = found["folder.mcap"]
@@ -73,7 +73,7 @@ def test_a_scan_of_files_and_of_recordings_is_the_same(
         recording.write(first, file)
     rows = []
     for name in ("folder.mcap", "folder.npz"):
-        assert command(monkeypatch, "calibrate", "verify", name) == 0
+        assert ended(monkeypatch, "calibrate", "verify", name) == 0
         rows.append([line for line in capsys.readouterr().out.splitlines() if "400" in line])
     assert rows[0] and rows[0] == rows[1]
 
@@ -83,7 +83,7 @@ def test_what_is_no_scan_is_one_line(
 ) -> None:
     record = ["record", "points.mcap", *SETUP, "--out"]
     Path("cut.mcap").write_bytes(Path("points.mcap").read_bytes()[:-3000])
-    assert command(monkeypatch, "calibrate", "record", "plane", *SETUP, "--out", "one.mcap") == 0
+    assert ended(monkeypatch, "calibrate", "record", "plane", *SETUP, "--out", "one.mcap") == 0
     capsys.readouterr()
     for words, told in (
         ([*record, "a.mcap"], "points.mcap: no edges"),
@@ -94,13 +94,13 @@ def test_what_is_no_scan_is_one_line(
         (["mirror", "motion.csv", "--config", "polygon"], "takes scans of a plane"),
         (["run-all", "--out", "a.run", "--config", "polygon"], "the steps themselves work"),
     ):
-        assert command(monkeypatch, "calibrate", *words) == 2
+        assert ended(monkeypatch, "calibrate", *words) == 2
         output = capsys.readouterr()
         assert output.err.startswith("vrscan: ") and output.err.count("\n") == 1, output.err
         assert told in output.err
         assert not list(folder.glob("a.*")), words
     words = ["cut.mcap", "--edges", "plane/edges.csv", *SETUP, "--out", "cut-scan.mcap"]
-    assert command(monkeypatch, "calibrate", "record", *words) == 0
+    assert ended(monkeypatch, "calibrate", "record", *words) == 0
     assert "vrscan: cut.mcap: cut off before its end" in capsys.readouterr().err
 
 
@@ -110,9 +110,9 @@ def test_a_scan_with_a_polygon_is_recorded_with_its_facets(
     """Of an instrument that is as believed ``verify`` shows no error beyond speckle."""
     own = ["--config", "polygon"]
     words = ["plane.toml", "--out", "turned", "--jobs", "1", "--engine", "ideal", "--lines", "500"]
-    assert command(monkeypatch, "scan", *words, "--fidelity", "minimal", *own) == 0
+    assert ended(monkeypatch, "scan", *words, "--fidelity", "minimal", *own) == 0
     record = ["turned", *SETUP, "--out", "turned.mcap"]
-    assert command(monkeypatch, "calibrate", "record", *record, *own) == 0
+    assert ended(monkeypatch, "calibrate", "record", *record, *own) == 0
     made = recording.read(Path("turned.mcap"))
     assert made.setup.facets == 12 and len(made) > 200
     settings = load(Path("polygon"))
@@ -122,7 +122,7 @@ def test_a_scan_with_a_polygon_is_recorded_with_its_facets(
     inside = (made.time_s > made.in_s[0]) & (made.time_s < made.out_s[-1])
     assert np.abs(told - made.angle_rad)[inside].max() < 1e-5
     capsys.readouterr()
-    assert command(monkeypatch, "calibrate", "verify", "turned.mcap", *own) == 0
+    assert ended(monkeypatch, "calibrate", "verify", "turned.mcap", *own) == 0
     assert "400" in capsys.readouterr().out
-    assert command(monkeypatch, "calibrate", "verify", "turned.mcap") == 2
+    assert ended(monkeypatch, "calibrate", "verify", "turned.mcap") == 2
     assert "a scan of a polygon of 12 facets" in capsys.readouterr().err

@@ -2,17 +2,15 @@
 
 import csv
 import shutil
-import signal
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from run_command import ended
 from scanners import SCANNERS, words
-from test_scan_command import command
 
-from vrscan.cli import app as cli
 from vrscan.data import recordings
 from vrscan.data.clouds import SUFFIXES
 from vrscan.data.config import Config
@@ -40,7 +38,7 @@ def scanned(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
     out = tmp_path_factory.mktemp("scanned") / "scan"
     given = ["scan", "default", "--lines", "600", "--engine", "ideal", "--fidelity", "full"]
     with pytest.MonkeyPatch.context() as patch:
-        assert command(patch, *given, "--out", str(out), "--keep-lines", *words(config)) == 0
+        assert ended(patch, *given, "--out", str(out), "--keep-lines", *words(config)) == 0
     return out
 
 
@@ -66,7 +64,7 @@ def test_an_ending_chooses_the_format(
     names = [f"cloud{suffix}" for suffix in SUFFIXES]
     capsys.readouterr()
     images = ["--range-image", "range.png", "--columns", "50"]
-    assert command(monkeypatch, "export", "scan/points.csv", *names, *images) == 0
+    assert ended(monkeypatch, "export", "scan/points.csv", *names, *images) == 0
     located = sum(row["z_mm"] != "" for row in rows("scan/points.csv"))
     assert capsys.readouterr().out.startswith(f"{located} points of 600 lines: cloud.ply, ")
     for suffix, begin in BEGINS.items():
@@ -79,7 +77,7 @@ def test_an_ending_chooses_the_format(
 
 def test_poses_make_a_pan_a_cloud(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given = ["export", "scan/points.csv", "flat.xyz", "--pose", "pose.csv"]
-    assert command(monkeypatch, *given) == 0
+    assert ended(monkeypatch, *given) == 0
     found = np.loadtxt("flat.xyz")
     assert np.allclose(found[:, 1], 100.0 * found[:, -1], atol=1e-4)
 
@@ -89,15 +87,15 @@ def test_filters_work_in_the_order_of_the_command(
 ) -> None:
     one, other = ["--median", "5"], ["--average", "3"]
     for name, given in (("a.csv", one + other), ("b.csv", other + one), ("c.csv", one)):
-        assert command(monkeypatch, "filter", "scan/points.csv", name, *given) == 0
-    assert command(monkeypatch, "filter", "c.csv", "d.csv", *other) == 0
+        assert ended(monkeypatch, "filter", "scan/points.csv", name, *given) == 0
+    assert ended(monkeypatch, "filter", "c.csv", "d.csv", *other) == 0
     places = {name: [row["z_mm"] for row in rows(name)] for name in ("a.csv", "b.csv", "d.csv")}
     assert places["a.csv"] != places["b.csv"]
     a, d = (np.array([float(z or 0.0) for z in places[name]]) for name in ("a.csv", "d.csv"))
     assert np.abs(a - d).max() < 2e-4  # the file between them rounds
     capsys.readouterr()
     given = ["--without", "MIXED", "--min-confidence", "0.5", "--spike", "3", "--outlier", "5"]
-    assert command(monkeypatch, "filter", "scan/points.csv", "e.csv", *given) == 0
+    assert ended(monkeypatch, "filter", "scan/points.csv", "e.csv", *given) == 0
     left = [row for row in rows("e.csv") if row["z_mm"]]
     assert f"e.csv: {len(left)} points of " in capsys.readouterr().out
     assert all(float(row["c_obj"]) >= 0.5 and "MIXED" not in row["flags"] for row in left)
@@ -116,7 +114,7 @@ def test_pictures_of_lines_are_replayed(
     text = "\n".join(",".join(map(repr, line)) for line in lines)
     Path("angles.csv").write_text(f"{','.join(names)}\n{text}\n")
     given = ["replay", "lines.png", "--angles", "angles.csv", "--engine", "ideal", *words(config)]
-    assert command(monkeypatch, *given, "--out", "again.csv") == 0
+    assert ended(monkeypatch, *given, "--out", "again.csv") == 0
     assert Path("again.csv").read_bytes() == Path("scan/points.csv").read_bytes()
 
 
@@ -223,13 +221,8 @@ def refused(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
-    handler = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    signal.signal(signal.SIGTERM, handler)
+    assert ended(monkeypatch, *arguments) == 2, case
     output = capsys.readouterr()
-    assert caught.value.code == 2, case
     assert output.out == "", case
     assert output.err.startswith("vrscan: ") and output.err.count("\n") == 1, output.err
     for part in wanted:
@@ -251,14 +244,14 @@ def test_a_recording_gives_what_its_arrays_and_table_give(
     for source, name in (("lines.npz", "n"), ("a.mcap", "m")):
         own = words(config) if name == "n" else []  # a recording brings its own
         given = ["replay", source, "--engine", "ideal", "--out", f"{name}.csv", "--jobs", "1"]
-        assert command(monkeypatch, *given, *own) == 0
+        assert ended(monkeypatch, *given, *own) == 0
     assert Path("m.csv").read_bytes() == Path("n.csv").read_bytes()
     for source, name in (("scan/points.csv", "n"), ("a.mcap", "m")):
-        assert command(monkeypatch, "export", source, f"{name}.xyz") == 0
-        assert command(monkeypatch, "filter", source, f"{name}.csv", "--median", "3") == 0
+        assert ended(monkeypatch, "export", source, f"{name}.xyz") == 0
+        assert ended(monkeypatch, "filter", source, f"{name}.csv", "--median", "3") == 0
     assert Path("m.xyz").read_bytes() == Path("n.xyz").read_bytes()
     assert Path("m.csv").read_bytes() == Path("n.csv").read_bytes()
     capsys.readouterr()
     Path("cut.mcap").write_bytes(Path("a.mcap").read_bytes()[:-3000])
-    assert command(monkeypatch, "export", "cut.mcap", "cut.xyz") == 0
+    assert ended(monkeypatch, "export", "cut.mcap", "cut.xyz") == 0
     assert "vrscan: cut.mcap: cut off before its end" in capsys.readouterr().err

@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 from click.testing import Result
 from fake_board import CLOCK_HZ, LINE_LENGTH, FakeBoard
+from run_command import ended
 from typer.testing import CliRunner
 
 from vrscan.calibrate.results import write_maps
-from vrscan.cli.app import app, main
+from vrscan.cli.app import app
 from vrscan.cli.link_commands import link
 from vrscan.cli.live import braille
 from vrscan.clocked.command_executor import Outcome
@@ -766,10 +767,7 @@ def test_bad_input_is_one_line(
     words, says = CASES[case]
     before = sorted(os.listdir())
     monkeypatch.delenv("VRSCAN_PORT", raising=False)
-    monkeypatch.setattr("sys.argv", ["vrscan", *words])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
+    assert ended(monkeypatch, *words) == 2
     complaint = capsys.readouterr().err.strip().splitlines()
     assert complaint[-1].startswith("vrscan: ")
     for part in says:

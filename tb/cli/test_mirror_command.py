@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from run_command import ended
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from vrscan.cli.app import app, main
+from vrscan.cli.app import app
 from vrscan.data.config import load
 from vrscan.ideal.motion import motion
 from vrscan.study.report.mirror_report import COLUMNS, Events, simulate
@@ -185,10 +186,7 @@ def test_a_motion_that_cannot_be_fitted_is_one_line(
     file = tmp_path / "motion.csv"
     if text is not None:
         file.write_text(text)
-    monkeypatch.setattr("sys.argv", ["vrscan", "calibrate", "mirror", str(file)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
+    assert ended(monkeypatch, "calibrate", "mirror", str(file)) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert words in error
@@ -212,10 +210,7 @@ def test_what_the_user_got_wrong_is_one_line(
 ) -> None:
     arguments, words = BAD[name]
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["vrscan", "mirror", "--out", "mirror.csv", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
+    assert ended(monkeypatch, "mirror", "--out", "mirror.csv", *arguments) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert all(word in error for word in words), error
@@ -227,9 +222,6 @@ def test_a_mark_out_of_reach_is_refused(
 ) -> None:
     config = written(tmp_path, "[mirror]\nindex_deg = 20.5\n")
     out = tmp_path / "mirror.csv"
-    monkeypatch.setattr("sys.argv", ["vrscan", "mirror", "--out", str(out), "--config", config])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
+    assert ended(monkeypatch, "mirror", "--out", str(out), "--config", config) == 2
     assert "mirror.index_deg: 20.5" in capsys.readouterr().err
     assert not out.exists()

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from harness import in_volume
+from run_command import ended
 from scanners import EACH_SCANNER, SCANNERS, words
 
-from vrscan.cli import app as cli
 from vrscan.data import edges, recordings
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config, to_toml
@@ -40,15 +40,6 @@ SCENES = pytest.mark.parametrize(
 )
 
 
-def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
-    handler = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(SystemExit) as caught:
-        cli.main()
-    signal.signal(signal.SIGTERM, handler)
-    return int(caught.value.code or 0)
-
-
 @SCENES
 def test_a_scan_writes_its_files_and_its_table(
     tmp_path: Path,
@@ -60,7 +51,7 @@ def test_a_scan_writes_its_files_and_its_table(
     out = tmp_path / "scan"
     arguments = ["scan", scene, "--out", str(out), "--engine", "ideal", "--lines", "300"]
     arguments += ["--fidelity", "full", *words(config)]
-    assert command(monkeypatch, *arguments) == 0
+    assert ended(monkeypatch, *arguments) == 0
     names = ["edges.csv", "picture.png", "points.csv", "points.ply", "reliability.png", "space.png"]
     assert sorted(p.name for p in out.iterdir()) == names
     assert (out / "picture.png").read_bytes().startswith(b"\x89PNG")
@@ -74,7 +65,7 @@ def test_a_scan_writes_its_files_and_its_table(
     assert f"300 lines, {located} points" in output.out
     assert "error/sigma" in output.out
     # A second scan into the same folder replaces the files.
-    assert command(monkeypatch, *arguments) == 0
+    assert ended(monkeypatch, *arguments) == 0
 
 
 @pytest.mark.soak
@@ -90,7 +81,7 @@ def test_a_scene_in_full_has_the_same_points_whoever_computes_them(
         for engine, jobs in (("rtl", "1"), ("fixed", "2")):
             out = tmp_path / f"{engine}{len(mode)}"
             how = ["--engine", engine, "--jobs", jobs, "--lines", "1100", "--fidelity", "full"]
-            assert command(monkeypatch, "scan", scene, "--out", str(out), *how, *mode) == 0
+            assert ended(monkeypatch, "scan", scene, "--out", str(out), *how, *mode) == 0
             points.append((out / "points.csv").read_bytes())
         assert points[0] == points[1]
         assert points[0].count(b"\n") == 1101
@@ -104,10 +95,10 @@ def test_replay_of_a_scan_gives_its_points(
     scan, points = tmp_path / "scan", tmp_path / "points.csv"
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "200", "--keep-lines"]
     arguments += words(config)
-    assert command(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
+    assert ended(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
     lines = scan / "lines.mcap"
     assert recordings.read(lines).config.model_dump() == config.model_dump()
-    command(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "ideal")
+    ended(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "ideal")
     assert points.read_bytes() == (scan / "points.csv").read_bytes()
     truth = recordings.read(lines).lines.truth
     assert truth is not None
@@ -134,12 +125,12 @@ def test_files_do_not_depend_on_the_number_of_processes(
     arguments = ["--engine", engine, "--lines", lines, "--fidelity", "minimal", "--keep-lines"]
     arguments += words(config)
     for jobs in ("1", "2"):
-        assert command(monkeypatch, "scan", "--out", jobs, "--jobs", jobs, *arguments) == 0
+        assert ended(monkeypatch, "scan", "--out", jobs, "--jobs", jobs, *arguments) == 0
     for name in ("points.csv", "points.ply", "edges.csv", "picture.png", "reliability.png",
                  "space.png", "lines.mcap"):  # fmt: skip
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes(), name
     arguments = ["2/lines.mcap", "--engine", engine, "--jobs", "2", "--out", "points.csv"]
-    assert command(monkeypatch, "replay", *arguments) == 0
+    assert ended(monkeypatch, "replay", *arguments) == 0
     assert (tmp_path / "points.csv").read_bytes() == (tmp_path / "1" / "points.csv").read_bytes()
 
 
@@ -195,18 +186,18 @@ def test_a_scans_edges_are_a_mirrors_recording(
 ) -> None:
     scan, mirror, own = tmp_path / "scan", tmp_path / "mirror.csv", words(config)
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "1500", *own]
-    assert command(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
+    assert ended(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
     table, recording = scan / "edges.csv", tmp_path / "edges.mcap"
     with recordings.Writer(recording, config) as into:
         into.edges(*edges.read(table))
     made = []
     for path in (table, recording):
         given = ["--replay", str(path), "--out", str(mirror), *own]
-        assert command(monkeypatch, "mirror", *given) == 0
+        assert ended(monkeypatch, "mirror", *given) == 0
         made.append(mirror.read_bytes())
     assert made[0] == made[1] and made[0].count(b"\n") > 1000
     recording.write_bytes(recording.read_bytes()[:-20])
-    assert command(monkeypatch, "mirror", *given) == 0
+    assert ended(monkeypatch, "mirror", *given) == 0
     told = [line for line in capsys.readouterr().err.splitlines() if "cut off" in line]
     assert told == [f"vrscan: {recording}: cut off before its end; the rest is read"]
 
@@ -221,7 +212,7 @@ def test_a_budget_tells_what_each_effect_does(
 ) -> None:
     table, link = tmp_path / "budget.csv", tmp_path / "link.csv"
     files = ["--csv", str(table), "--link-csv", str(link), *words(config)]
-    assert command(monkeypatch, "budget", scene, "--lines", "512", *files) == 0
+    assert ended(monkeypatch, "budget", scene, "--lines", "512", *files) == 0
     printed = capsys.readouterr().out
     assert "bound with speckle" in printed
     with link.open() as file:
@@ -239,7 +230,7 @@ def test_the_effects_of_a_scan_can_be_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["scan", "--out", str(tmp_path / "scan"), "--engine", "ideal", "--lines", "100"]
-    assert command(monkeypatch, *arguments, "--fidelity", "defocus, shot") == 0
+    assert ended(monkeypatch, *arguments, "--fidelity", "defocus, shot") == 0
     assert "2 of" in capsys.readouterr().out
 
 
@@ -266,7 +257,7 @@ def test_the_mirrors_flags_reach_the_points(
     for path in (good, bad):
         points = path.with_suffix(".csv")
         arguments = [str(path), "--out", str(points), "--engine", engine, *words(config)]
-        assert command(monkeypatch, "replay", *arguments) == 0
+        assert ended(monkeypatch, "replay", *arguments) == 0
         with points.open() as file:
             rows[path] = list(csv.DictReader(file))
     names = ["", "NOT_RUNNING", "INDEX_FAULT", "UNSETTLED"]
@@ -288,7 +279,7 @@ def test_the_configuration_reaches_the_points(
         config.write_text(f'[peak]\nwindow = "threshold"\n{peak}\n')
         out = tmp_path / "points.csv"
         arguments = ["replay", str(lines), "--engine", "ideal", "--config", str(config)]
-        command(monkeypatch, *arguments, "--out", str(out))
+        ended(monkeypatch, *arguments, "--out", str(out))
         with out.open() as file:
             rows = csv.DictReader(file)
             return [int(row["right"]) - int(row["left"]) for row in rows if row["left"]]
@@ -303,7 +294,7 @@ def test_speed_is_of_one_core_and_of_more(
     arguments = ["speed", "--engine", "ideal", "--lines", "300", *words(config)]
     line = 2 * config.sensor.line_length  # bytes
     for jobs, headings in (("1", ["one core"]), ("2", ["one core", "2 cores"])):
-        assert command(monkeypatch, *arguments, "--jobs", jobs) == 0
+        assert ended(monkeypatch, *arguments, "--jobs", jobs) == 0
         printed = capsys.readouterr().out
         row = next(line for line in printed.splitlines() if line.startswith("ideal "))
         rates = [float(word) for word in row.split()[1:]]
@@ -320,7 +311,7 @@ def test_speed_is_of_one_core_and_of_more(
 def test_every_command_explains_itself(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert command(monkeypatch, name, "--help") == 0
+    assert ended(monkeypatch, name, "--help") == 0
     assert "--engine" in capsys.readouterr().out
 
 
@@ -347,7 +338,7 @@ def test_a_long_scan_goes_on_where_it_was_cut_off(
     arguments = ["scan", "--engine", "fixed", "--lines", "3100", "--fidelity", "minimal"]
     arguments += ["--jobs", "1", "--keep-lines", *follows, *words(config)]
     whole, cut = tmp_path / "whole", tmp_path / "cut"
-    assert command(monkeypatch, *arguments, "--out", str(whole)) == 0
+    assert ended(monkeypatch, *arguments, "--out", str(whole)) == 0
     assert not (whole / "parts").exists()
     made: list[int] = []
     work = scans._Work._part
@@ -359,9 +350,9 @@ def test_a_long_scan_goes_on_where_it_was_cut_off(
         return work(self, given, controls)
 
     monkeypatch.setattr(scans._Work, "_part", interrupted)
-    assert command(monkeypatch, *arguments, "--out", str(cut)) == 130
+    assert ended(monkeypatch, *arguments, "--out", str(cut)) == 130
     assert [path.name for path in cut.iterdir()] == ["parts"]
-    assert command(monkeypatch, *arguments, "--out", str(cut)) == 0
+    assert ended(monkeypatch, *arguments, "--out", str(cut)) == 0
     assert made == [0, 1, 2, 2, 3]
     for path in whole.iterdir():
         assert path.read_bytes() == (cut / path.name).read_bytes(), path.name
@@ -369,7 +360,7 @@ def test_a_long_scan_goes_on_where_it_was_cut_off(
     (cut / "parts").mkdir()
     (cut / "parts" / "scan.json").write_text("{}")
     (cut / "parts" / "piece-000000.pickle").write_bytes(b"no")
-    assert command(monkeypatch, *arguments, "--out", str(cut)) == 0
+    assert ended(monkeypatch, *arguments, "--out", str(cut)) == 0
     assert made[5:] == [0, 1, 2, 3]
     assert not (cut / "parts").exists()
 
@@ -389,9 +380,9 @@ def test_a_replay_knows_where_the_lens_was(
     own.write_text(to_toml(config.model_copy(update={"focus": focus, "map": maps})))
     arguments = ["scan", "plane", "--out", str(scan), "--lines", "1000", "--keep-lines"]
     arguments += ["--fidelity", "minimal", "--focus", "automatic", "--jobs", "1"]
-    assert command(monkeypatch, *arguments, "--engine", "fixed", "--config", str(own)) == 0
+    assert ended(monkeypatch, *arguments, "--engine", "fixed", "--config", str(own)) == 0
     lines = scan / "lines.mcap"
-    command(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "fixed")
+    ended(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "fixed")
     assert points.read_bytes() == (scan / "points.csv").read_bytes()
     lens = recordings.read(lines).lines.lens
     assert lens is not None and len(set(lens.tolist())) > 1
@@ -408,7 +399,7 @@ def test_power_and_lens_of_a_scan_that_follows_are_written(
         out = tmp_path / f"{engine}{jobs}"
         arguments = ["scan", "--engine", engine, "--lines", str(count), "--fidelity", "minimal"]
         arguments += ["--jobs", jobs, "--power", "adaptive", "--out", str(out), *words(config)]
-        assert command(monkeypatch, *arguments) == 0
+        assert ended(monkeypatch, *arguments) == 0
         found.append((out / "loops.csv").read_bytes())
     assert len(set(found)) == 1
     rows = list(csv.DictReader(found[0].decode().splitlines()))

@@ -10,8 +10,8 @@ import pytest
 import test_link_commands
 from fake_board import FakeBoard
 from harness import in_volume
+from run_command import ended
 
-from vrscan.cli.app import main
 from vrscan.cli.link_commands import link
 from vrscan.clocked.command_executor import Outcome
 
@@ -62,11 +62,7 @@ class Counting:
 
 
 def status(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
-    monkeypatch.setattr("sys.argv", ["vrscan", "link", *words, "--port", "port", "--timeout", "4"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code is None or isinstance(end.value.code, int)
-    return end.value.code or 0
+    return ended(monkeypatch, "link", *words, "--port", "port", "--timeout", "4")
 
 
 @pytest.mark.parametrize(

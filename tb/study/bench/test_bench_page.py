@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from run_command import ended
 
 from vrscan.cli import app as cli
 from vrscan.data.config import Config
@@ -367,10 +368,7 @@ def test_bad_input_is_one_line(
     (tmp_path / "file").write_text("")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(report, "make", lambda *_, **__: pytest.fail("it began"))
-    monkeypatch.setattr("sys.argv", ["vrscan", "bench", "report", "--quick", *words])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == cli.EXIT_BAD_INPUT
+    assert ended(monkeypatch, "bench", "report", "--quick", *words) == cli.EXIT_BAD_INPUT
     output = capsys.readouterr()
     assert output.out == ""
     (line,) = (x for x in output.err.splitlines() if x)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
+from run_command import ended
 
 from vrscan.cli import app as cli
 from vrscan.data.config import Config
@@ -342,11 +343,8 @@ def test_an_address_where_no_scheduler_answers_is_one_line(
     out = tmp_path / "page"
     monkeypatch.setattr(report, "ALL", ())
     words = ["bench", "report", "--quick", "--out", str(out), "--scheduler", asked]
-    monkeypatch.setattr("sys.argv", ["vrscan", *words])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
+    assert ended(monkeypatch, *words) == cli.EXIT_BAD_INPUT
     server.close()
-    assert ended.value.code == cli.EXIT_BAD_INPUT
     complaint = [x for x in capsys.readouterr().err.splitlines() if x.startswith("vrscan:")]
     assert len(complaint) == 1
     assert "--scheduler" in complaint[0] and asked in complaint[0]
