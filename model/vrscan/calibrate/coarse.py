@@ -18,6 +18,7 @@ from vrscan.calibrate.solve import Fit, Parameter, least_squares, simplex
 from vrscan.data.arrays import Floats
 from vrscan.data.config import FEWEST_HARMONICS, HARMONICS, Config, Geometry, Mirror
 from vrscan.data.errors import InputError
+from vrscan.data.residuals import rms
 from vrscan.scene import tolerances
 
 LEAST_DISTANCES = 3
@@ -233,12 +234,7 @@ def check_stage(recordings: Sequence[Recording]) -> None:
 
 def _agree(recordings: Sequence[Recording], config: Config) -> None:
     """Refuse a scan that the others contradict."""
-    left = np.array(
-        [
-            np.sqrt(np.mean(np.square(px_per_mm(each, config) * errors(each, config))))
-            for each in recordings
-        ]
-    )
+    left = np.array([rms(px_per_mm(each, config) * errors(each, config)) for each in recordings])
     worst = int(np.argmax(left))
     usual = float(np.median(left))
     if left[worst] > DISAGREES * usual:

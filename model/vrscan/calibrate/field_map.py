@@ -22,6 +22,7 @@ from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Config
 from vrscan.data.correction_maps import COLUMNS, ROWS, FieldMaps, extension_mm  # the file's
 from vrscan.data.errors import InputError
+from vrscan.data.residuals import rms, robust_sigma
 from vrscan.ideal.correction_map import ANGLE_STEP
 from vrscan.ideal.geometry import project
 
@@ -110,11 +111,10 @@ def _map(group: Sequence[Recording], config: Config) -> tuple[Floats, Bools, flo
         left = (own.T @ own + smooth).tocsc()
         nodes = splu(left).solve(own.T @ (weight * value)[kept])
         off = value - design @ nodes
-        spread = 1.4826 * float(np.median(np.abs(off[kept])))
+        spread = robust_sigma(off[kept])
         kept = np.abs(off) <= OUTLIER * max(spread, 1e-6)
     known = np.asarray(np.abs(design[kept]).sum(axis=0)).ravel() >= _LEAST_SHARE
-    rms = float(np.sqrt(np.mean(np.square(off[kept]))))
-    return nodes.reshape(ROWS, COLUMNS), ~known.reshape(ROWS, COLUMNS), rms
+    return nodes.reshape(ROWS, COLUMNS), ~known.reshape(ROWS, COLUMNS), rms(off[kept])
 
 
 def _weights(position_px: Floats, angle_rad: Floats, config: Config) -> "object":

@@ -16,6 +16,7 @@ import numpy as np
 from vrscan.data.arrays import Floats
 from vrscan.data.config import FEWEST_HARMONICS, HARMONICS
 from vrscan.data.errors import InputError
+from vrscan.data.residuals import rms
 from vrscan.ideal.motion import crossings, motion
 from vrscan.scene.mems_mirror import Mirror, integrate, steady_state
 
@@ -117,7 +118,7 @@ def fit_motion(
         amplitude_rad=float(size[0]),
         phase_rad=float(phase % (2.0 * np.pi)),
         harmonics=np.stack([size / size[0], phi], axis=1),
-        residual_rad=float(np.sqrt(np.mean(np.square(residual)))),
+        residual_rad=rms(residual),
     )
 
 

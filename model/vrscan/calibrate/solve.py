@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrscan.data.arrays import Bools, Floats
+from vrscan.data.residuals import robust_sigma
 
 ROBUST = 3.0  # residual, in standard deviations, from which the loss grows linearly only
 SIMPLEX_CALLS = 400  # evaluations of the simplex search for each parameter
@@ -85,7 +86,7 @@ def least_squares(residuals: Callable[[Floats], Floats], parameters: Sequence[Pa
     while True:
         # A start that is off by many standard deviations is no outlier: first the plain squares.
         first = solve(of, at[free], method="trf", x_scale=1.0, max_nfev=20)
-        spread = max(1.0, 1.4826 * float(np.median(np.abs(first.fun))))
+        spread = max(1.0, robust_sigma(first.fun))
         found = solve(of, first.x, loss="soft_l1", f_scale=ROBUST * spread, max_nfev=40)
         at[free] = found.x
         # Without the worst one the others may well be observed, so they go one at a time.
@@ -123,7 +124,7 @@ def _covariance(jacobian: Floats, residual: Floats) -> tuple[Floats, Floats]:
     _, singular, rows = np.linalg.svd(jacobian, full_matrices=False)
     kept = singular > 1e-10 * singular[0]
     inverse = np.where(kept, 1.0 / np.where(kept, singular, 1.0), 0.0)
-    scatter = 1.4826 * float(np.median(np.abs(residual)))
+    scatter = robust_sigma(residual)
     covariance = (rows.T * np.square(inverse)) @ rows * scatter**2
     lost = np.abs(rows[~kept]).max(axis=0, initial=0.0) > 1e-6
     return np.asarray(covariance), np.where(lost, np.inf, np.sqrt(np.diag(covariance)))

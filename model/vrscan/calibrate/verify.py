@@ -9,6 +9,7 @@ from vrscan.calibrate.recording import Recording, located
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.correction_maps import FieldMaps
+from vrscan.data.residuals import rms
 from vrscan.ideal.correction_map import correction
 
 CELLS = 20  # parts of the field, by x, over which errors are averaged
@@ -63,6 +64,6 @@ def verified(recording: Recording, config: Config, maps: FieldMaps | None) -> Ve
         mean_mm=float(np.mean(error)),
         overlaid_mm=float(np.mean(np.abs(recording.overlaid(error)))),
         plane_percent=100.0 * float(np.max(np.abs(cells))) / distance,
-        points_percent=100.0 * float(np.sqrt(np.mean(np.square(error)))) / distance,
+        points_percent=100.0 * rms(error) / distance,
         width_mm=float(np.ptp(x)),
     )

@@ -26,6 +26,7 @@ from vrscan.data.correction_maps import FieldMaps, extension_mm, focus_of_mm
 from vrscan.data.errors import InputError
 from vrscan.data.parallel import processors, workers
 from vrscan.data.points import atomic_file
+from vrscan.data.residuals import rms
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, reach, run_block
 from vrscan.ideal.geometry import ThinLens
@@ -634,8 +635,8 @@ def drift(plan: Experiment, config: Config) -> list[dict[str, float]]:
                 "level": point.level,
                 "frequency_hz": point.frequency_hz,
                 "natural_hz": mirror_map.natural_hz(config, point.frequency_hz, point.drive_phase),
-                "view_urad": float(np.sqrt(np.mean(np.square(error[view])))),
-                "whole_urad": float(np.sqrt(np.mean(np.square(error)))),
+                "view_urad": rms(error[view]),
+                "whole_urad": rms(error),
             }
         )
     return found

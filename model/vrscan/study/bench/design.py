@@ -15,6 +15,7 @@ from vrscan.data import pkg
 from vrscan.data.arrays import Floats, Ints, Pixels
 from vrscan.data.config import Config
 from vrscan.data.points import Points
+from vrscan.data.residuals import rms
 from vrscan.fixed import cordic_vector, phase_correlate, quarter_wave
 from vrscan.fixed.divide import divide
 from vrscan.fixed.multiply import latency as multiply_latency
@@ -26,7 +27,7 @@ from vrscan.scene.sensor import REACH
 from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.bench.widths import ADC_BITS, Design
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, PEAKS, READ_NOISE_COUNTS
-from vrscan.study.report.figure import mean, rms
+from vrscan.study.report.figure import mean
 from vrscan.study.report.spot_lines import profile, score
 
 EXACT, NOISY, SKEWED = (

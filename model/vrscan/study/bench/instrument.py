@@ -12,6 +12,7 @@ from vrscan.data.arrays import Bools, Floats, Pixels
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.data.lines import Lines, Truth
+from vrscan.data.residuals import rms
 from vrscan.data.table import Table
 from vrscan.engines import shadows
 from vrscan.engines.engine import Engine, run
@@ -23,7 +24,6 @@ from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.plan import FLAT_PX, JUMP_PX, plan
 from vrscan.study.report import budget as light_budget
 from vrscan.study.report import fidelity as light_fidelity
-from vrscan.study.report.figure import rms
 from vrscan.study.report.reliability_report import Reliability
 from vrscan.study.report.space_report import Space
 

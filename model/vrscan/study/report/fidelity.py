@@ -23,6 +23,7 @@ from rich.table import Table as RichTable
 from vrscan.data.config import Config
 from vrscan.data.lines import Truth
 from vrscan.data.points import atomic_file
+from vrscan.data.residuals import rms
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine
 from vrscan.engines.engine import run as run_engine
@@ -33,7 +34,7 @@ from vrscan.scene.simulate import Scanner, Simulation, simulate
 from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
 from vrscan.show.style import COLOURS, DECADES, INK, QUIET, drawing, plain_log
 from vrscan.study.plan import FLAT_PX, JUMP_PX, ZONES, alike, judged, moved, plan
-from vrscan.study.report.figure import largest, mean, rms
+from vrscan.study.report.figure import largest, mean
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
 TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"

@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from vrscan.data.arrays import Floats
 
 SEED = 20100301  # seed of every measurement; each adds its own words
@@ -62,11 +60,6 @@ class Figure:
         if self.at_least:
             return not self.measured < self.limit
         return not (self.measured > self.predicted or self.measured > self.limit)
-
-
-def rms(values: Floats, nothing: float = math.nan) -> float:
-    """Return the root of the mean square, ``nothing`` of no value."""
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else nothing
 
 
 def mean(values: Floats) -> float:

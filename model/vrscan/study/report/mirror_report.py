@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from rich.table import Table as RichTable
 
 from vrscan.calibrate.motion_fit import NOMINAL_LEVEL
-from vrscan.data import edges, pkg, recordings
+from vrscan.data import edges, pkg, recordings, residuals
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import HARMONICS, Config
 from vrscan.data.edges import SAMPLES, Rows
@@ -29,7 +29,6 @@ from vrscan.ideal.natural_frequency import natural_frequency, resting_point
 from vrscan.registers.mirror_registers import MirrorRegisters
 from vrscan.show.sheet import Sheet, listed
 from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, drawing
-from vrscan.study.report import figure as figures
 
 _FORMS = {
     "line": "{:.0f}", "time_s": "{:.10f}", "state": "", "angle_true_rad": "{:.10f}",
@@ -430,9 +429,9 @@ def summarise(run: Run) -> Summary:
         start_s=run.run_s,
         lines=int(running.sum()),
         flagged=int(flagged.sum()),
-        angle_rms_urad=figures.rms(error),
+        angle_rms_urad=residuals.rms(error),
         angle_max_urad=float(np.abs(error).max()) if error.size else math.nan,
-        amplitude_rms_ppm=figures.rms(deviation[steady_amplitude]),
+        amplitude_rms_ppm=residuals.rms(deviation[steady_amplitude]),
         crossing_rms_ns=_crossing_rms_ns(run),
         flag_delay_periods=delay,
         unnoticed_urad=unnoticed,
@@ -597,7 +596,7 @@ def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
             time[good], error[good], ".", color=COLOURS[0], markersize=1.5, label="not flagged"
         )
         rms = summary.angle_rms_urad
-        reach = max(1.0, 20.0 * (rms if math.isfinite(rms) else figures.rms(error)))
+        reach = max(1.0, 20.0 * (rms if math.isfinite(rms) else residuals.rms(error)))
         axes.set_ylim(-reach, reach)
         axes.set(
             title=f"Angle error in RUN, {rms:.2f} urad rms where not flagged",

@@ -13,6 +13,7 @@ from rich.table import Table as RichTable
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
+from vrscan.data.residuals import rms
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, run
 from vrscan.engines.shadows import shaded
@@ -32,7 +33,7 @@ from vrscan.study.report.accuracy import mirror_accuracy as mirror
 from vrscan.study.report.accuracy import position_accuracy as position
 from vrscan.study.report.accuracy import quality_accuracy as quality
 from vrscan.study.report.accuracy import scatter_accuracy as scatter
-from vrscan.study.report.figure import SEED, Figure, rms
+from vrscan.study.report.figure import SEED, Figure
 from vrscan.study.report.reliability_report import MULTIPLES, Reliability, expected
 from vrscan.study.report.space_report import Space
 

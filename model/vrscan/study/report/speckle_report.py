@@ -17,10 +17,10 @@ from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
 from vrscan.data.parallel import workers
+from vrscan.data.residuals import rms
 from vrscan.engines.engine import Engine, run
 from vrscan.show.sheet import Column, Sheet
 from vrscan.study.report.efficiency import LOST_PX
-from vrscan.study.report.figure import rms
 from vrscan.study.report.spot_lines import Spot, take
 
 CONTRASTS, PEAKS, SIGMAS_PX = (0.21, 0.29), (0.1, 0.25, 0.7), (1.5, 3.0, 6.0, 9.0)

@@ -14,6 +14,7 @@ from scipy.special import erf
 
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Config
+from vrscan.data.residuals import rms
 from vrscan.ideal.geometry import ThinLens
 from vrscan.scene.description import Lens
 from vrscan.scene.sensor import REACH, cramer_rao_variance
@@ -201,7 +202,7 @@ def score(position: Floats, true: Floats) -> Score:
     if not kept.size:
         return Score(math.inf, math.nan, math.nan, 1.0)
     return Score(
-        rms=float(np.sqrt(np.square(kept).mean())),
+        rms=rms(kept),
         bias=float(kept.mean()),
         spread=float(kept.std()),
         lost=1.0 - float(good.mean()),

@@ -18,6 +18,7 @@ from rich.table import Table as RichTable
 
 from vrscan.data.arrays import Floats
 from vrscan.data.errors import InputError
+from vrscan.data.residuals import rms
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.render import Renderer
@@ -194,7 +195,7 @@ class _Lines:
     def figures(self, light: Light, effects: Iterable[str]) -> tuple[Floats, Floats]:
         """Return A, the lines' median, and the rms shift in px, by zone [3]."""
         added = self.added(light, effects)
-        return self.by_zone(self.levels(added), np.median), self.by_zone(self.shifts(added), _rms)
+        return self.by_zone(self.levels(added), np.median), self.by_zone(self.shifts(added), rms)
 
     def by_zone(self, values: Floats, how: Callable[[Floats], object]) -> Floats:
         """Return a figure of the lines of each zone, NaN without lines [3]."""
@@ -216,10 +217,6 @@ class _Lines:
 def _left(light: Light) -> float:
     """Return the share of the light that nothing scatters."""
     return (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
-
-
-def _rms(values: Floats) -> float:
-    return math.sqrt(float(np.mean(np.square(values))))
 
 
 def _alone(stray: Stray, cause: str) -> Stray:

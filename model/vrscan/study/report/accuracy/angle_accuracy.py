@@ -8,9 +8,10 @@ import numpy as np
 from vrscan.data import pkg
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import Config
+from vrscan.data.residuals import rms
 from vrscan.fixed.scan_angle import error_bound_turns, floor_turns, scan_angle
 from vrscan.ideal.motion import motion
-from vrscan.study.report.figure import SEED, Figure, largest, rms
+from vrscan.study.report.figure import SEED, Figure, largest
 
 GROUP = "scan_angle against (12)"
 LIMIT_URAD = 1.0

@@ -6,8 +6,9 @@ import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Floats, Ints
+from vrscan.data.residuals import rms
 from vrscan.fixed.cordic_vector import angle_bounds, cordic_vector
-from vrscan.study.report.figure import SEED, Figure, largest, rms
+from vrscan.study.report.figure import SEED, Figure, largest
 
 LIMIT_PEAK, LIMIT_RMS = 1.1, 0.36  # steps
 LEAST_AMPLITUDE = 2.0**-20  # share of full scale

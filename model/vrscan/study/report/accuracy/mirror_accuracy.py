@@ -3,9 +3,8 @@
 import math
 from collections.abc import Callable
 
-import numpy as np
-
 from vrscan.data.config import Config
+from vrscan.data.residuals import rms
 from vrscan.study.report.figure import Figure
 from vrscan.study.report.mirror_report import Events, Run, Summary, simulate, summarise
 
@@ -133,7 +132,7 @@ def drift(config: Config, drift_hz: float, seconds: float) -> list[Figure]:
             name,
             f"{text}: angle from then on, rms",
             "urad",
-            float(np.sqrt(np.mean(np.square(error)))) if error.size else math.nan,
+            rms(error),
             limit=LIMIT_ANGLE_URAD,
         ),
     ]

@@ -20,13 +20,14 @@ from scipy.optimize import linprog
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.data.config import Config
+from vrscan.data.residuals import rms
 from vrscan.fixed.cordic_vector import angle_bounds
 from vrscan.fixed.divide import divide
 from vrscan.fixed.peak_position import peak_position
 from vrscan.fixed.phase_correlate import STEP_WIDTH, phase_correlate
 from vrscan.fixed.quarter_wave import LENGTH_ERROR, MAX_STEP, amplitude, error_bound, quarter_wave
 from vrscan.ideal.position import first_harmonic
-from vrscan.study.report.figure import SEED, Figure, largest, rms
+from vrscan.study.report.figure import SEED, Figure, largest
 
 LIMIT_MAX, LIMIT_RMS = 0.3e-3, 0.1e-3  # px
 LEAST_RATIO = 0.1  # ratio of first harmonic to sum above which the limits hold

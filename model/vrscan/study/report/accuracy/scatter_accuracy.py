@@ -9,11 +9,12 @@ import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.config import Config
+from vrscan.data.residuals import rms
 from vrscan.engines.engine import Engine, run
 from vrscan.fixed.peak_position import peak_position
 from vrscan.fixed.phase_correlate import phase_correlate
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines, with_window
-from vrscan.study.report.figure import SEED, Figure, rms
+from vrscan.study.report.figure import SEED, Figure
 
 LAW = 0.1125  # std(delta) = LAW T / snr1, snr1 = |P1| / (sqrt(N) sigma_n): white noise, T = N
 GROUP = "scatter of positions"
