@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels, all_rows, some_rows
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,7 @@ def part(recording: Lines, rows: slice | Bools) -> Lines:
     """Return some of the lines, with their truth if they have one."""
     truth, raised = recording.truth, recording.mirror_flags
     if truth is not None:
-        truth = Truth(
-            x_mm=truth.x_mm[rows],
-            z_mm=truth.z_mm[rows],
-            position_px=truth.position_px[rows],
-            surface=truth.surface[rows],
-            names=truth.names,
-        )
+        truth = some_rows(truth, rows, shared=("names",))
     return Lines(
         lines=recording.lines[rows],
         angle_rad=recording.angle_rad[rows],
@@ -93,13 +87,7 @@ def joined(parts: Sequence[Lines]) -> Lines:
     numbers = [each.number for each in parts if each.number is not None]
     truth = None
     if parts[0].truth is not None:
-        truth = Truth(
-            x_mm=np.concatenate([each.x_mm for each in truths]),
-            z_mm=np.concatenate([each.z_mm for each in truths]),
-            position_px=np.concatenate([each.position_px for each in truths]),
-            surface=np.concatenate([each.surface for each in truths]),
-            names=truths[0].names,
-        )
+        truth = all_rows(truths, shared=("names",))
     return Lines(
         lines=np.concatenate([each.lines for each in parts]),
         angle_rad=np.concatenate([each.angle_rad for each in parts]),

@@ -20,7 +20,7 @@ from typing import BinaryIO
 import numpy as np
 
 from vrscan.data import pkg
-from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.arrays import Bools, Floats, Ints, all_rows, some_rows
 from vrscan.data.errors import InputError, nearest, one_line, unread
 from vrscan.data.table import Table, flag_bits, flag_texts
 
@@ -116,23 +116,12 @@ class Points:
 
     def of(self, rows: slice) -> "Points":
         """Return some of the points."""
-        columns = {
-            field.name: getattr(self, field.name)[rows]
-            for field in fields(self)
-            if field.name not in _FORMATS
-        }
-        return Points(**columns, pixel_width=self.pixel_width, unit_mm=self.unit_mm)
+        return some_rows(self, rows, shared=_FORMATS)
 
     @classmethod
     def concatenate(cls, parts: Sequence["Points"]) -> "Points":
         """Return the points of one or more parts, all of the same formats, in order."""
-        columns = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])
-            for field in fields(cls)
-            if field.name not in _FORMATS
-        }
-        first = parts[0]
-        return cls(**columns, pixel_width=first.pixel_width, unit_mm=first.unit_mm)
+        return all_rows(parts, shared=_FORMATS)
 
 
 def points_equal(first: Points, second: Points) -> str | None:

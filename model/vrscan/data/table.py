@@ -1,18 +1,20 @@
 """Points in physical units: the result of every engine, whatever its number format."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vrscan.data import pkg
-from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.arrays import Bools, Floats, Ints, all_rows, some_rows
 from vrscan.data.contract import POWER_LIMIT
 from vrscan.data.extras import named
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_SHARED = ("flags", "pixel_width")  # fields that are no array of rows
 
 
 @dataclass(frozen=True)
@@ -85,13 +87,8 @@ class Table:
 
     def of(self, rows: Bools | Ints | slice) -> "Table":
         """Return some of the rows."""
-        columns = {
-            field.name: getattr(self, field.name)[rows]
-            for field in fields(self)
-            if field.name not in ("flags", "pixel_width")
-        }
         flags = {name: raised[rows] for name, raised in self.flags.items()}
-        return Table(flags=flags, pixel_width=self.pixel_width, **columns)
+        return replace(some_rows(self, rows, shared=_SHARED), flags=flags)
 
     def to_frame(self) -> "pd.DataFrame":
         """Return the points as a pandas data frame with the columns of points.csv.
@@ -158,15 +155,10 @@ class Table:
     @classmethod
     def joined(cls, parts: Sequence["Table"]) -> "Table":
         """Return one table of all rows of ``parts``: at least one part, all of one pixel width."""
-        columns = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts])
-            for field in fields(cls)
-            if field.name not in ("flags", "pixel_width")
-        }
         flags = {
             name: np.concatenate([part.flags[name] for part in parts]) for name in parts[0].flags
         }
-        return cls(flags=flags, pixel_width=parts[0].pixel_width, **columns)
+        return replace(all_rows(parts, shared=_SHARED), flags=flags)
 
 
 def flag_bits(flags: Mapping[str, Bools], rows: int) -> Ints:

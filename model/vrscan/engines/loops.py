@@ -14,7 +14,7 @@ import copy
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,7 +27,7 @@ from vrscan.clocked.i2c_master import Status, command_clocks, effect_clocks
 from vrscan.clocked.laser_interlock import BUCKET_MARGIN, Ceilings, LaserInterlock
 from vrscan.clocked.power_adaptation import PowerAdaptation
 from vrscan.data import pkg
-from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels, all_rows, some_rows
 from vrscan.data.config import BLANKING_CLKS, Config
 from vrscan.data.lines import Lines, joined, part
 from vrscan.data.points import Points
@@ -378,15 +378,12 @@ class Controls:
 
     def of(self, rows: Bools) -> "Controls":
         """Return some of the lines."""
-        return Controls(*(getattr(self, each.name)[rows] for each in fields(self)))
+        return some_rows(self, rows)
 
     @classmethod
     def joined(cls, parts: Sequence["Controls"]) -> "Controls | None":
         """Return all lines of ``parts``; None of none."""
-        if not parts:
-            return None
-        names = [each.name for each in fields(cls)]
-        return cls(*(np.concatenate([getattr(each, name) for each in parts]) for name in names))
+        return all_rows(parts) if parts else None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from vrscan.clocked import mirror_loop
 from vrscan.data import pkg
+from vrscan.data.arrays import all_rows
 from vrscan.data.config import Config
 from vrscan.data.edges import SAMPLES, Rows
 from vrscan.engines.tools import hardware_root, rtl_module
@@ -116,11 +117,7 @@ class Recording:
     @classmethod
     def joined(cls, parts: Sequence["Recording"]) -> "Recording":
         """Return consecutive recordings as one."""
-        return cls(
-            np.concatenate([part.lines for part in parts]),
-            np.concatenate([part.measurements for part in parts]),
-            np.concatenate([part.samples for part in parts]),
-        )
+        return all_rows(parts)
 
 
 def polygon_parameters(config: Config) -> dict[str, int | float]:
