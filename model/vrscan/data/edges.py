@@ -1,13 +1,13 @@
 """Recorded edges of the index, from a logic analyser for example, as samples that the RTL takes."""
 
-import csv
 import math
 from pathlib import Path
 
 import numpy as np
 
 from vrscan.data.arrays import Floats, Ints
-from vrscan.data.errors import InputError, unread
+from vrscan.data.csv_files import csv_fields
+from vrscan.data.errors import InputError
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 # A change of the inputs of index_capture; bit 0 of the levels is the oldest sample of the clock.
@@ -26,13 +26,7 @@ def read(path: Path) -> tuple[Floats, Ints, Ints]:
         InputError: naming file and line, if the file is missing, has other columns or no row, a
             time is negative, not a number or before the one above it, or a level is not 0 or 1.
     """
-    try:
-        with path.open(newline="") as file:
-            rows = list(csv.reader(file))
-    except OSError as error:
-        raise InputError(f"{path}: {unread(error, path)}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file ({error})") from error
+    rows = csv_fields(path)
     header = tuple(name.strip() for name in rows[0]) if rows else ()
     if header != COLUMNS:
         raise InputError(f"{path}: columns {','.join(header)!r}, want {','.join(COLUMNS)!r}")

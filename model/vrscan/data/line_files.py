@@ -5,7 +5,6 @@ analyser's tables (of ``line_signals``).
 """
 
 import contextlib
-import csv
 import math
 import warnings
 import zipfile
@@ -20,6 +19,7 @@ import numpy.typing as npt
 from vrscan.data import line_pictures, line_signals, recordings
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
+from vrscan.data.csv_files import csv_fields
 from vrscan.data.errors import InputError, InputWarning, LinesError, alike, one_line, unread
 from vrscan.data.lines import Lines, joined, part
 
@@ -167,13 +167,7 @@ def _beside(
     """Return what a file of angles has for the lines of another file."""
     if angles is None:
         return {}
-    try:
-        with angles.open(newline="") as file:
-            header, *rows = [row for row in csv.reader(file) if row] or [[]]
-    except OSError as error:
-        raise InputError(f"{angles}: {unread(error, angles)}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{angles}: not a CSV file ({one_line(error)})") from error
+    header, *rows = [row for row in csv_fields(angles) if row] or [[]]
     names = [name.strip() for name in header]
     wrong = [name for name in names if name not in _ARRAYS[1:]]
     if wrong or "angle_rad" not in names or len(set(names)) < len(names):

@@ -4,14 +4,14 @@ The pins are those of the boards: ``sensor_clk``, ``sensor_valid`` and ``sensor_
 taken at each rising edge of the clock with valid high, and a line ends when valid is low at one.
 """
 
-import csv
 import re
 from pathlib import Path
 
 import numpy as np
 
 from vrscan.data.arrays import Ints, Pixels
-from vrscan.data.errors import InputError, one_line, unread
+from vrscan.data.csv_files import csv_fields
+from vrscan.data.errors import InputError
 
 CLOCK, VALID, PIXEL = "sensor_clk", "sensor_valid", "sensor_pixel"
 _MOST_BITS = 16
@@ -33,13 +33,7 @@ def read(path: Path, line_length: int) -> Pixels:
         InputError: naming the file, and the line if one is wrong, if it is missing, lacks a column,
             a level is not one, a line between others has another length, or none is whole.
     """
-    try:
-        with path.open(newline="") as file:
-            table = [(n, row) for n, row in enumerate(csv.reader(file), 1) if row and any(row)]
-    except OSError as error:
-        raise InputError(f"{path}: {unread(error, path)}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file ({one_line(error)})") from error
+    table = [(n, row) for n, row in enumerate(csv_fields(path), 1) if row and any(row)]
     table = [(n, row) for n, row in table if not row[0].lstrip().startswith((";", "#"))]
     header = [_name(each) for each in table[0][1]] if table else []
     bits = [f"{PIXEL}[{k}]" for k in range(_MOST_BITS) if f"{PIXEL}[{k}]" in header]

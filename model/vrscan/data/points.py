@@ -5,7 +5,6 @@ one format.
 """
 
 import contextlib
-import csv
 import errno
 import math
 import os
@@ -21,7 +20,8 @@ import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats, Ints, all_rows, some_rows
-from vrscan.data.errors import InputError, nearest, one_line, unread
+from vrscan.data.csv_files import csv_fields
+from vrscan.data.errors import InputError, nearest
 from vrscan.data.table import Table, flag_bits, flag_texts
 
 COLUMNS = (
@@ -363,13 +363,7 @@ def read_csv(path: Path) -> Table:
         InputError: naming the file, and the line if one is wrong, if it is missing, has no row or
             lacks a column, a number is none, or a flag is not known.
     """
-    try:
-        with path.open(newline="") as file:
-            header, *rows = list(csv.reader(file)) or [[]]
-    except OSError as error:
-        raise InputError(f"{path}: {unread(error, path)}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a table of points ({one_line(error)})") from error
+    header, *rows = csv_fields(path, "a table of points") or [[]]
     lacking = [name for name in COLUMNS.split(",") if name not in header and name not in _ADDED]
     if lacking:
         raise InputError(f"{path}: no column {lacking[0]}: not a points.csv with full points")

@@ -1,6 +1,5 @@
 """Poses of the scanner over time, which make a cloud of a scan by a scanner that moves or pans."""
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from vrscan.data.arrays import Floats
-from vrscan.data.errors import InputError, unread
+from vrscan.data.csv_files import csv_fields
+from vrscan.data.errors import InputError
 from vrscan.data.extras import named
 
 PLACE = ("time_s", "x_mm", "y_mm", "z_mm")
@@ -81,13 +81,7 @@ def read(path: Path) -> Poses:
     with named():
         from scipy.spatial.transform import Rotation
 
-    try:
-        with path.open(newline="") as file:
-            rows = list(csv.reader(file))
-    except OSError as error:
-        raise InputError(f"{path}: {unread(error, path)}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file ({error})") from error
+    rows = csv_fields(path)
     header = [name.strip() for name in rows[0]] if rows else []
     turns = next((each for each in (ANGLES, QUATERNION) if set(each) <= set(header)), ())
     if not set(PLACE) <= set(header) or not turns:
