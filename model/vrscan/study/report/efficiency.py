@@ -7,11 +7,10 @@ the shipped detector, and so are one window and two; ``vrscan.study.report.two_p
 more about these.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import TypeVar
 
 import numpy as np
 from rich.table import Table as RichTable
@@ -19,11 +18,11 @@ from rich.table import Table as RichTable
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
-from vrscan.data.parallel import workers
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import cramer_rao_variance, expose, spot_electrons
 from vrscan.show.sheet import Column, Sheet
+from vrscan.study.progress import Progress, for_each
 
 SIGMAS_PX = (1.0, 2.0, 4.0, 8.0, 12.0)
 PEAKS = (0.05, 0.20, 0.50, 0.90)  # heights, shares of full scale
@@ -32,7 +31,6 @@ BACKGROUND_COUNTS = 60.0
 LOST_PX = 5.0  # a position further off counts as lost
 GOAL_EFFICIENCY, GOAL_LOST = 0.90, 0.002
 _SEED = 20100301
-Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
@@ -124,7 +122,7 @@ def study(
     engine: Engine,
     config: Config,
     count: int,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress | None = None,
     *,
     jobs: int = 1,
 ) -> list[Cell]:
@@ -137,32 +135,9 @@ def study(
         progress: Called with the number of cells done so far.
         jobs: Number of processes, which share the cells.
     """
-    return each_spot(
+    return for_each(
         partial(_cell, engine, config, count), product(PEAKS, SIGMAS_PX), progress, jobs
     )
-
-
-def each_spot(
-    work: Callable[[tuple[float, float]], Outcome],
-    spots: Iterable[tuple[float, float]],
-    progress: Callable[[int], None] | None,
-    jobs: int,
-) -> list[Outcome]:
-    """Return what the work makes of each spot.
-
-    Args:
-        work: Function of height and width.
-        spots: Heights and widths.
-        progress: Called with the number of spots done so far.
-        jobs: Processes, which share the spots.
-    """
-    found: list[Outcome] = []
-    with workers(work, jobs) as do:
-        for each in do(spots):
-            found.append(each)
-            if progress is not None:
-                progress(len(found))
-    return found
 
 
 def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float]) -> Cell:

@@ -1,7 +1,6 @@
 """What the loops of laser and lens gain: the error on planes, with each of them and without."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -11,7 +10,6 @@ from rich.table import Table as RichTable
 
 from vrscan.data.config import Config
 from vrscan.data.lines import joined
-from vrscan.data.parallel import workers
 from vrscan.data.points import atomic_file
 from vrscan.engines.engine import BLOCK, Engine, run
 from vrscan.engines.loops import LoopedScan
@@ -23,6 +21,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.simulate import Scanner
 from vrscan.show.sheet import Column, Sheet
 from vrscan.show.style import COLOURS, drawing, plain_log
+from vrscan.study.progress import Progress, for_each
 
 PLANES_MM = (250.0, 300.0, 420.0, 600.0, 800.0, 1000.0)
 BLOCKS = 6  # of a scan; the loops have settled in the last ones
@@ -106,7 +105,7 @@ class _Work:
         )
 
 
-def measure(config: Config, jobs: int, progress: Callable[[int], None] | None = None) -> list[Row]:
+def measure(config: Config, jobs: int, progress: Progress | None = None) -> list[Row]:
     """Return the rows of all planes, by reflectance, distance and way.
 
     Args:
@@ -115,13 +114,7 @@ def measure(config: Config, jobs: int, progress: Callable[[int], None] | None = 
         progress: Called with the number of rows done so far.
     """
     cells = [(r, z, way) for r in REFLECTANCES for z in PLANES_MM for way in range(len(NAMES))]
-    found = []
-    with workers(_Work(config), jobs) as do:
-        for row in do(cells):
-            found.append(row)
-            if progress is not None:
-                progress(len(found))
-    return found
+    return for_each(_Work(config), cells, progress, jobs)
 
 
 COUNT = len(REFLECTANCES) * len(PLANES_MM) * len(NAMES)  # rows

@@ -5,7 +5,7 @@ Sensor and noise are those of ``study.report.efficiency``; every line has speckl
 where speckle leads; the other knows of speckle, too, with pixels whose gains are independent.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -16,10 +16,10 @@ from rich.table import Table as RichTable
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
-from vrscan.data.parallel import workers
 from vrscan.data.residuals import rms
 from vrscan.engines.engine import Engine, run
 from vrscan.show.sheet import Column, Sheet
+from vrscan.study.progress import Progress, for_each
 from vrscan.study.report.efficiency import LOST_PX
 from vrscan.study.report.spot_lines import Spot, take
 
@@ -59,7 +59,7 @@ def study(
     engine: Engine,
     config: Config,
     count: int,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress | None = None,
     *,
     jobs: int = 1,
 ) -> list[Cell]:
@@ -72,13 +72,8 @@ def study(
         progress: Called with the number of cells done so far.
         jobs: Number of processes, which share the cells.
     """
-    found: list[Cell] = []
-    with workers(partial(_cell, engine, config, count), jobs) as do:
-        for each in do(product(CONTRASTS, PEAKS, SIGMAS_PX)):
-            found.append(each)
-            if progress is not None:
-                progress(len(found))
-    return found
+    spots = product(CONTRASTS, PEAKS, SIGMAS_PX)
+    return for_each(partial(_cell, engine, config, count), spots, progress, jobs)
 
 
 def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float, float]) -> Cell:

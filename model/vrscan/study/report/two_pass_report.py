@@ -23,13 +23,13 @@ from vrscan.data.lines import Lines
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import spot_electrons
 from vrscan.show.sheet import Column, Sheet, listed
+from vrscan.study.progress import Progress, for_each
 from vrscan.study.report.accuracy import position_accuracy as position
 from vrscan.study.report.efficiency import (
     BACKGROUND_COUNTS,
     LOST_PX,
     READ_NOISE_COUNTS,
     cell_lines,
-    each_spot,
     with_window,
 )
 
@@ -109,7 +109,7 @@ def study(
     engine: Engine,
     config: Config,
     count: int,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress | None = None,
     *,
     peaks: Sequence[float] = PEAKS,
     sigmas_px: Sequence[float] = SIGMAS_PX,
@@ -126,7 +126,7 @@ def study(
         sigmas_px: Widths of the spots.
         jobs: Number of processes, which share the cells.
     """
-    return each_spot(
+    return for_each(
         partial(_cell, engine, config, count), product(peaks, sigmas_px), progress, jobs
     )
 
