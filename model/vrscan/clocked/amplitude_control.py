@@ -4,12 +4,12 @@ VR-SCAN IV-C and IV-D: the measured amplitude is controlled to a constant value.
 shocks and gives the confidence in the scan angle.
 """
 
+from vrscan.clocked.idle import MOST_IDLE
 from vrscan.data import pkg
 from vrscan.registers.settings import AmplitudeSettings
 
 LATENCY = 44  # clocks from valid_i to the outputs
 CONFIDENCE_FRACTION = 20  # fraction bits of confidence_gain
-MOST_IDLE = 1 << 40
 COUNT_WIDTH = 8
 
 _COMMIT = LATENCY - 1

@@ -4,11 +4,11 @@ VR-SCAN IV-D and IV-F: a two-field photodiode. Its comparator shows on which sid
 beam is, and its gate shows whether there is a beam.
 """
 
+from vrscan.clocked.idle import MOST_IDLE
 from vrscan.data import pkg
 from vrscan.registers.settings import IndexSettings
 
 LATENCY = 4  # clocks from the last clock that settles a level to valid_o
-MOST_IDLE = 1 << 40
 PERIOD_CEILING = 1_250_000
 
 _STEP = 1 << pkg.SUB_WIDTH

@@ -1,5 +1,6 @@
 """Time base of the lines, the twin of ``rtl/timing/line_trigger.sv``."""
 
+from vrscan.clocked.idle import MOST_IDLE
 from vrscan.data import pkg
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.registers.settings import TriggerSettings
@@ -8,7 +9,6 @@ from vrscan.registers.settings import TriggerSettings
 START_LATENCY = multiply_latency(pkg.WORD_WIDTH + 1, pkg.RATIO_WIDTH + 1) + 5
 WRAP_LATENCY = 2  # clocks from the accumulator's wrap to line_start_o
 MIN_LINE_CLKS = 32
-MOST_IDLE = 1 << 40
 
 _TURN = 1 << pkg.TURN_WIDTH
 _STEP_MAX = _TURN // MIN_LINE_CLKS

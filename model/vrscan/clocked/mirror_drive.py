@@ -4,6 +4,7 @@ VR-SCAN IV-G2: a downward sweep from a high frequency starts the mirror, then it
 fixed working frequency. The drive is a square wave at twice the mirror's frequency.
 """
 
+from vrscan.clocked.idle import MOST_IDLE
 from vrscan.clocked.sigma_delta import SigmaDelta
 from vrscan.data import pkg
 from vrscan.registers.settings import DriveSettings
@@ -12,7 +13,6 @@ DRIVE_LATENCY = 2  # clocks from phase to drive
 TRIM_LATENCY = 2  # clocks from trim_i to word_o
 READY_LATENCY = 2  # clocks from index_alive_i and settled_i to RUN
 TIMEOUT_LATENCY = 2  # clocks that a state outlasts its time-out
-MOST_IDLE = 1 << 40
 SETTLE_CEILING = 1_250_000_000
 LOST_CEILING = 3_125_000
 LEVEL_CEILING = 1_047_527

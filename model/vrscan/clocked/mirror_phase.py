@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vrscan.clocked.idle import MOST_IDLE
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.registers.settings import PhaseSettings
 
-MOST_IDLE = 1 << 40
 FINE_WIDTH = 15  # bits of the average below those of the amplitude: ``FineWidth``
 HALF_WIDTH = 28  # bits of half the distance
 HALF_FRACTION = 29

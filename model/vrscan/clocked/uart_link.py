@@ -14,11 +14,10 @@ from vrscan.clocked.frame_decoder import FrameDecoder
 from vrscan.clocked.frame_decoder import Status as FrameStatus
 from vrscan.clocked.frame_encoder import FrameEncoder
 from vrscan.clocked.packet_arbiter import PacketArbiter
-from vrscan.clocked.uart_rx import UartRx
+from vrscan.clocked.uart_rx import STEP_WIDTH, UartRx
 from vrscan.clocked.uart_tx import UartTx
 from vrscan.data import link_pkg
 
-STEP_WIDTH = 24
 COUNT_MAX = 0xFFFF
 QUIET_CLKS = 8  # clocks without output before the rate changes
 STREAM_BYTES = 240  # bytes of the longest packet of a stream

@@ -1,7 +1,8 @@
 """Transmitter of the serial link, the twin of ``rtl/link/uart_tx.sv``: 8N1."""
 
+from vrscan.clocked.uart_rx import STEP_WIDTH
+
 LATENCY = 2  # clocks from a byte to its start bit, from rest
-STEP_WIDTH = 24  # bits of the rate in bits per clock, all of them fraction bits
 
 _ONE = 1 << STEP_WIDTH
 _PAUSE_BITS = 2  # bits of pause after a break

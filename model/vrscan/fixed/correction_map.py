@@ -8,6 +8,7 @@ from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
+from vrscan.fixed.saturate import saturated
 
 ROWS, COLUMNS = 33, 65  # nodes over the angle and over the position
 ROW_BITS, COLUMN_BITS = 5, 6  # ``RowBits``, ``ColumnBits``
@@ -113,6 +114,5 @@ def correction_map(
     value = between(planes[0], planes[1], map_share)
     drop = VALUE_FRACTION - pkg.POSITION_FRACTION
     exact = position + ((value + (1 << (drop - 1))) >> drop)
-    limit = 1 << (position_width(line_length) - 1)
-    result = np.clip(exact, -limit, limit - 1)
+    result = saturated(exact, position_width(line_length))
     return Corrected(result, result != exact, guessed)

@@ -12,6 +12,7 @@ from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
+from vrscan.fixed.saturate import saturated
 
 FRACTION = 29  # fraction bits of every intermediate, and shift of every product: ``Fraction``
 FACTOR_WIDTH = 32  # ``FactorWidth``
@@ -50,10 +51,6 @@ def _rounded_width(line_length: int) -> int:
 def latency(line_length: int) -> int:
     """Return the clocks from ``valid_i`` to ``valid_o``."""
     return PRODUCTS * (multiply_latency(FACTOR_WIDTH, _rounded_width(line_length)) + 2) + 2
-
-
-def _saturate(values: Ints, width: int) -> Ints:
-    return np.clip(values, -(1 << (width - 1)), (1 << (width - 1)) - 1)
 
 
 def distortion(
@@ -99,18 +96,18 @@ def distortion(
     square = scaled(s, s)
     inner = scaled(second, square)
     factor = first + inner
-    gain = scaled(_saturate(factor, FACTOR_WIDTH), square)
+    gain = scaled(saturated(factor, FACTOR_WIDTH), square)
     # 3 k1 + 5 k2 s^2, towards minus infinity.
     curve = (factor + 2 * (factor + inner)) >> (FRACTION - CURVE_FRACTION)
     bend = scaled(curve, square)
 
-    limited = _saturate(gain, FRACTION + 1)
+    limited = saturated(gain, FRACTION + 1)
     exact_offset = r + scaled(np.where(flip, -limited, limited), r)
     # To nearest, half up.
     drop = CURVE_FRACTION - pkg.SLOPE_FRACTION
     exact_slope = (np.where(flip, -bend, bend) + (1 << CURVE_FRACTION) + (1 << (drop - 1))) >> drop
-    offset = _saturate(exact_offset, width)
-    slope = _saturate(exact_slope, pkg.SLOPE_WIDTH)
+    offset = saturated(exact_offset, width)
+    slope = saturated(exact_slope, pkg.SLOPE_WIDTH)
     return Distorted(
         offset=offset,
         slope=slope,

@@ -18,6 +18,7 @@ from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Ints, Pixels
 from vrscan.fixed.divide import divide
 from vrscan.fixed.rom import rom_source
+from vrscan.fixed.saturate import saturated
 from vrscan.fixed.square_root import square_root
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
@@ -28,7 +29,6 @@ REACH = 2 * (DEPTH - 1)
 
 HEIGHT_FRACTION = 17  # fraction bits: heights and amplitudes; doubled in their squares
 PLACE_FRACTION = 16  # px
-SCALE_FRACTION = 12  # px a unit of u
 STEP_FRACTION = 24  # units of u a px
 PLACE_BITS = 15  # fraction bits of u that are multiplied
 SQUARE_FRACTION = 17  # of u**2
@@ -53,8 +53,7 @@ MOST_ROUNDS = 1 << 17  # of a pass's step: one unit of u
 MOST_STRETCH = 4915  # 0.3, 14 fraction bits
 AMPLITUDE_WIDTH = 20
 LEAST_AMPLITUDE = 1 << (HEIGHT_FRACTION - 4)
-SCALE_WIDTH = 18
-LEAST_SCALE = 1 << (SCALE_FRACTION - 1)
+LEAST_SCALE = 1 << (pkg.SCALE_FRACTION - 1)
 SLOPE_WIDTH = 23  # of the middle's slope as it is squared
 FREE_FRACTION = 30  # of what the lean is divided by
 FREE_WIDTH = 38
@@ -155,12 +154,6 @@ def bit_length(value: Ints) -> Ints:
     return np.asarray(np.frexp(value.astype(np.float64))[1], np.int64)
 
 
-def _limited(value: Ints, bits: int) -> Ints:
-    """Return values limited to a signed number of bits."""
-    most = 1 << (bits - 1)
-    return np.clip(value, -most, most - 1)
-
-
 @dataclass
 class _State:
     """What a pass begins with, int64 [n] each."""
@@ -208,7 +201,7 @@ def _pass(
     shift = MANTISSA_FRACTION + HEIGHT_FRACTION - MOMENT_FRACTION
     quotient = ((mantissa * height) << power) >> shift
     amplitude = state.amplitude >> (HEIGHT_FRACTION - MOMENT_FRACTION)
-    q = _limited(quotient - amplitude[:, None], 18)
+    q = saturated(quotient - amplitude[:, None], 18)
     h = (mantissa << power) >> (MANTISSA_FRACTION - 10)
     noise = ((((alpha[:, None] * h) >> 10) + beta[:, None]) * h) >> 10
     wings = np.where(power < WING, 0, np.where(power < FAR_WING, 1, 2))
@@ -222,7 +215,7 @@ def _pass(
     yu2 = (y * moment + half) >> WEIGHT_FRACTION
 
     top, middle = inside & (square < TOP), square < MIDDLE
-    d = _limited((q[:, 3:] - 3 * q[:, 2:-1] + 3 * q[:, 1:-2] - q[:, :-3]) >> 3, 18)
+    d = saturated((q[:, 3:] - 3 * q[:, 2:-1] + 3 * q[:, 1:-2] - q[:, :-3]) >> 3, 18)
     quad = top[:, 3:] & top[:, 2:-1] & top[:, 1:-2] & top[:, :-3]
     own = np.minimum(noise, (1 << 24) - 1)
     four = own[:, 3:] + 9 * (own[:, 2:-1] + own[:, 1:-2]) + own[:, :-3]
@@ -263,7 +256,7 @@ def _stepped(state: _State, sums: _Sums, least: Ints, most: Ints) -> _State:
     rise = _signed_divide(rest << HEIGHT_FRACTION, sums.s0, state.amplitude)
     amplitude = state.amplitude + np.maximum(rise, -(state.amplitude >> 1))
     amplitude = np.clip(amplitude, LEAST_AMPLITUDE, (1 << AMPLITUDE_WIDTH) - 1)
-    place = state.place + ((move * state.scale) >> (17 + SCALE_FRACTION - PLACE_FRACTION))
+    place = state.place + ((move * state.scale) >> (17 + pkg.SCALE_FRACTION - PLACE_FRACTION))
     place = np.clip(place, 0, (SPAN << PLACE_FRACTION) - 1)
     scale = np.clip(state.scale + ((state.scale * stretch) >> 14), least, most)
     return _State(amplitude, place, scale, _step(scale))
@@ -271,7 +264,7 @@ def _stepped(state: _State, sums: _Sums, least: Ints, most: Ints) -> _State:
 
 def _step(scale: Ints) -> Ints:
     """Return units of u a px."""
-    one = np.int64(1 << (STEP_FRACTION + SCALE_FRACTION))
+    one = np.int64(1 << (STEP_FRACTION + pkg.SCALE_FRACTION))
     return divide(one, scale, quotient_width=QUOTIENT_WIDTH)[0]
 
 
@@ -339,7 +332,7 @@ def _grains(sums: _Sums, variance: Ints, single: Bools, history: History) -> tup
     free = np.maximum(sums.s2_middle - both, 0)
     shift = 2 * HEIGHT_FRACTION + MOMENT_FRACTION - FREE_FRACTION
     divisor = np.minimum(variance * free >> shift, (1 << FREE_WIDTH) - 1)
-    slope = _limited(sums.b1_middle, SLOPE_WIDTH)
+    slope = saturated(sums.b1_middle, SLOPE_WIDTH)
     dividend = slope * slope << (FREE_FRACTION + LEAN_FRACTION - 2 * MOMENT_FRACTION)
     lean = np.minimum(divide(dividend, divisor, quotient_width=QUOTIENT_WIDTH)[0], MOST_LEAN)
     lean, leans = _running(history.lean, np.where(single, lean, 0))
@@ -403,14 +396,14 @@ def peak_fit(
     ramp = slope * -(SPAN // 2) + np.where(width & 1, 0, slope >> 1)
     level = (ramp[:, None] + np.arange(SPAN) * slope[:, None]) >> (pkg.RAMP_FRACTION - 8)
     height = (pixel << (pkg.COUNT_WIDTH - pixel_width)) - background[:, None] - level
-    height = _limited((_limited(height, 27) << lift[:, None]) >> 7, 18)
+    height = saturated((saturated(height, 27) << lift[:, None]) >> 7, 18)
     floor = (5 << (pkg.COUNT_WIDTH - pixel_width)) >> 4
     deviation = np.minimum((np.maximum(noise, floor) << lift) >> 7, (1 << 17) - 1)
     dark = deviation * deviation
     gain = np.minimum(np.int64(kappa) << lift, MOST_GAIN)
-    begin = np.clip((sigma * SIGMA_TO_SCALE) >> 10, LEAST_SCALE, (1 << SCALE_WIDTH) - 1)
+    begin = np.clip((sigma * SIGMA_TO_SCALE) >> 10, LEAST_SCALE, (1 << pkg.SCALE_WIDTH) - 1)
     least = np.maximum(begin >> 1, LEAST_SCALE)
-    most = np.minimum(begin << 1, (1 << SCALE_WIDTH) - 1)
+    most = np.minimum(begin << 1, (1 << pkg.SCALE_WIDTH) - 1)
     begun = position - (first << pkg.POSITION_FRACTION)
     begun = begun << (PLACE_FRACTION - pkg.POSITION_FRACTION)
     amplitude = np.full(count, 3 << (HEIGHT_FRACTION - 2), np.int64)
@@ -435,7 +428,7 @@ def peak_fit(
         (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
         >> (PLACE_FRACTION - pkg.POSITION_FRACTION)
     )
-    far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - SCALE_FRACTION)) >> 3
+    far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - pkg.SCALE_FRACTION)) >> 3
     eligible = measured & ~far & (sums.pixels >= 4) & (begun == started)
     eligible &= (found >= 0) & (found < length << pkg.POSITION_FRACTION)
     eligible &= sums.clipped << 3 <= sums.pixels + sums.clipped

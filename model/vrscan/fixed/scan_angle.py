@@ -14,6 +14,7 @@ from vrscan.fixed.multiply import multiply
 from vrscan.fixed.quarter_wave import LATENCY as QUARTER_WAVE_LATENCY
 from vrscan.fixed.quarter_wave import amplitude as wave_amplitude
 from vrscan.fixed.quarter_wave import error_bound, quarter_wave
+from vrscan.fixed.saturate import saturated
 
 AMPL_WIDTH = 30  # ``AmplWidth``
 FRACTION = AMPL_WIDTH - 1  # shift of every product: ``Fraction``
@@ -74,8 +75,7 @@ def scan_angle(phase: Ints, amplitude: Ints | int, a: Ints, phi: Ints) -> tuple[
     # To nearest, half up.
     drop = SUM_FRACTION - pkg.ANGLE_WIDTH
     exact = (total + (1 << (drop - 1))) >> drop
-    limit = 1 << (pkg.ANGLE_WIDTH - 1)
-    angle = np.clip(exact, -limit, limit - 1)
+    angle = saturated(exact, pkg.ANGLE_WIDTH)
     return angle, angle != exact
 
 

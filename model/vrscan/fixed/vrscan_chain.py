@@ -155,6 +155,11 @@ def _refined(
     return window, ramp, slope, sigma
 
 
+def _raised(flags: Ints, bit: int) -> Bools:
+    """Return whether a flag stands."""
+    return (flags >> bit & 1).astype(np.bool_)
+
+
 @dataclass(frozen=True)
 class Peaks:
     """What laser and lens need of n lines before these have a place, [n] each."""
@@ -175,7 +180,7 @@ def peaks(lines: Pixels, registers: Registers) -> Peaks:
         maximum=statistics.maximum,
         background=statistics.background,
         measured=harmonic.measured,
-        saturated=(second.flags >> pkg.FLAG_SATURATED & 1).astype(np.bool_),
+        saturated=_raised(second.flags, pkg.FLAG_SATURATED),
         placed=window.measured,
         width=second.width,
         first_width=window.width,
@@ -221,16 +226,17 @@ def _run(
     position = peak_position.peak_position(
         window.left, harmonic.period, harmonic.phase, line_length=r.line_length
     )
-    low_snr = (window.flags >> pkg.FLAG_LOW_SNR & 1).astype(np.bool_)
+    low_snr = _raised(window.flags, pkg.FLAG_LOW_SNR)
     blind = (window.flags & (1 << pkg.FLAG_SATURATED | 1 << pkg.FLAG_TOO_WIDE)) != 0
     blind |= statistics.row_statistics | (mirror_flags != 0)
+    width = window.width & ((1 << pkg.WINDOW_WIDTH) - 1)
     quality = peak_confidence.peak_confidence(
         measured=harmonic.measured,
         clear=low_snr & ~blind,
         maximum=statistics.maximum,
         background=statistics.background,
         noise=window.noise,
-        width=window.width & ((1 << pkg.WINDOW_WIDTH) - 1),
+        width=width,
         period=harmonic.period,
         magnitude=harmonic.magnitude,
         sum=harmonic.sum,
@@ -249,7 +255,7 @@ def _run(
             lines,
             measured=harmonic.measured,
             left=window.left,
-            width=window.width & ((1 << pkg.WINDOW_WIDTH) - 1),
+            width=width,
             slope=slope,
             position=position,
             spread=sigma,

@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from vrscan.clocked.line_trigger import line_step
 from vrscan.clocked.mirror_drive import RATE_FRACTION
 from vrscan.clocked.point_packer import KINDS, most_records, record_bytes
+from vrscan.clocked.uart_rx import STEP_WIDTH
 from vrscan.data import link_pkg, pkg
 from vrscan.data.errors import InputError
 from vrscan.data.records import Form
@@ -36,7 +37,6 @@ from vrscan.registers.values import Block, Value, integer
 BAUD = 3_000_000
 TIMEOUT_S = 5.0
 BITS_A_BYTE = 10  # with start and stop bits
-UART_FRACTION = 24  # fraction bits of uart_step, in bits per clock
 LEAST_CLOCKS_A_BIT = 8
 MOST_RATE_ERROR = 0.01  # leaves enough of a bit at a byte's end
 SILENCE_S = 1.0  # longest time for which any board's laser stays on without its host
@@ -619,12 +619,12 @@ class Device(RegisterHost):
                 use.
         """
         clock = self.build.clock_hz
-        step = round(rate * 2**UART_FRACTION / clock)
+        step = round(rate * 2**STEP_WIDTH / clock)
         register = values.find("uart_step")
         if not (
             register.minimum <= step <= register.maximum
             and 0 < rate * LEAST_CLOCKS_A_BIT <= clock
-            and abs(step * clock / 2**UART_FRACTION / rate - 1.0) < MOST_RATE_ERROR
+            and abs(step * clock / 2**STEP_WIDTH / rate - 1.0) < MOST_RATE_ERROR
         ):
             most = clock // LEAST_CLOCKS_A_BIT
             raise InputError(f"baud: the board makes rates up to {most} ({rate})")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
-from vrscan.registers.chain_registers import fit
+from vrscan.registers.chain_registers import CONFIDENCE_ONE, fit
 from vrscan.registers.mirror_table import amplitude_table, pulse_table
 from vrscan.registers.settings import (
     AmplitudeSettings,
@@ -21,7 +21,6 @@ from vrscan.registers.settings import (
 
 TURN = 2.0 * math.pi
 INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
-CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 REACQUIRE_TURNS = 1.0 / 64  # a larger phase error is not an error of tracking
 EXPOSURE_SHARE = 0.9  # exposure over the line period
 MOST_DUTY, MOST_LEVEL = 0.5, 0.999  # ceilings of mirror_drive
