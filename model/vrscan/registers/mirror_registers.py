@@ -64,8 +64,9 @@ class MirrorRegisters(
         def clocks(name: str, key: str, seconds: float) -> int:
             return put(name, key, seconds * clock)
 
-        def in_line(name: str, key: str, microseconds: float) -> int:
-            return put(name, key, microseconds * 1e-6 * clock)
+        def same(name: str) -> int:
+            """Return a register that has the name, and the unit, of its key."""
+            return put(name, f"mirror.{name}", getattr(mirror, name))
 
         if not mirror.polygon and not 0 < abs(mirror.index_deg) < mirror.amplitude_deg:
             raise InputError(
@@ -124,8 +125,8 @@ class MirrorRegisters(
             ),
             work_word=put("work_word", "mirror.frequency_hz", mirror.frequency_hz / clock),
             sweep_rate=put("sweep_rate", "mirror.sweep_hz_per_s", sweep_rate),
-            duty=put("duty", "mirror.duty", mirror.duty),
-            sweep_level=put("sweep_level", "mirror.sweep_level", mirror.sweep_level),
+            duty=same("duty"),
+            sweep_level=same("sweep_level"),
             sweep_timeout=clocks("sweep_timeout", "mirror.sweep_hz_per_s", 2.0 * sweep_s + 1e-3),
             settle_timeout=clocks(
                 "settle_timeout", "mirror.settle_timeout_s", mirror.settle_timeout_s
@@ -148,10 +149,10 @@ class MirrorRegisters(
             amplitude_set=put("amplitude_set", "mirror.amplitude_deg", turns),
             k_p=put("k_p", "mirror.proportional", gain),
             k_i=put("k_i", "mirror.integral_s", gain * per_period),
-            level_min=put("level_min", "mirror.level_min", mirror.level_min),
-            level_max=put("level_max", "mirror.level_max", mirror.level_max),
-            level_low=put("level_low", "mirror.level_low", mirror.level_low),
-            level_high=put("level_high", "mirror.level_high", mirror.level_high),
+            level_min=same("level_min"),
+            level_max=same("level_max"),
+            level_low=same("level_low"),
+            level_high=same("level_high"),
             level_nominal=put("level_nominal", "mirror.level", mirror.level),
             trim_step=put("trim_step", "mirror.trim_hz_per_s", step),
             trim_gain=put("trim_gain", "mirror.trim_gain_hz_per_s", trim_gain),
@@ -172,12 +173,12 @@ class MirrorRegisters(
             ),
             ratio=put("ratio", "line.rate_hz", line.rate_hz / mirror.frequency_hz),
             exposure_delay_clks=0,
-            exposure_clks=in_line("exposure_clks", "line.rate_hz", exposure_us),
-            pulse_delay_clks=in_line(
-                "pulse_delay_clks", "line.pulse_delay_us", line.pulse_delay_us
+            exposure_clks=clocks("exposure_clks", "line.rate_hz", 1e-6 * exposure_us),
+            pulse_delay_clks=clocks(
+                "pulse_delay_clks", "line.pulse_delay_us", 1e-6 * line.pulse_delay_us
             ),
-            pulse_clks=in_line("pulse_clks", "line.pulse_us", line.pulse_us),
-            drive_phase=put("drive_phase", "mirror.drive_phase", mirror.drive_phase),
+            pulse_clks=clocks("pulse_clks", "line.pulse_us", 1e-6 * line.pulse_us),
+            drive_phase=same("drive_phase"),
             motion_a=harmonics("motion_a", "harmonics", (a for a, _ in mirror.harmonics)),
             motion_phi=tuple(
                 math.floor(phi / TURN * 2.0**pkg.PHASE_WIDTH + 0.5) % 2**pkg.PHASE_WIDTH
