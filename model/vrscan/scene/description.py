@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, PrivateAttr, field_validator, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from vrscan.data.config import Config, Positive, Section, checked, read_toml
 from vrscan.data.errors import InputError, nearest
@@ -21,6 +21,7 @@ from vrscan.scene.surface import Material
 from vrscan.scene.targets import TargetSection
 from vrscan.scene.timeline import Scan
 from vrscan.scene.tolerances import Instrument
+from vrscan.scene.tuples import Pair
 
 DEFAULT_TOLERANCE_PX = 0.01
 FULL_WELL_SHARE = 25_000.0 / 20_475.0  # full well over the electrons of the last code
@@ -34,15 +35,10 @@ class Lens(Section):
     f_number: float = Field(default=3.0, ge=0.5, le=64)  # see Description.of
     focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus; see Description.of
     transmission: float = Field(default=0.9, ge=0, le=1)
-    filter_nm: tuple[float, float] = (645.0, 665.0)
+    filter_nm: Pair = (645.0, 665.0)
     filter_transmission: float = Field(default=0.85, ge=0, le=1)
     coma_px: float = Field(default=0.3, ge=0, le=20)  # length of the tail at the sensor's end
     row_offset_px: float = 0.0  # offset of the row from the scan plane's image
-
-    @field_validator("filter_nm", mode="before")
-    @classmethod
-    def _pair(cls, value: object) -> object:
-        return tuple(value) if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _band(self) -> "Lens":

@@ -11,20 +11,14 @@ from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from PIL import Image
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Positive, Section
 from vrscan.data.errors import InputError, beside
-
-
-def _tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value  # TOML has lists only
-
+from vrscan.scene.tuples import Size
 
 Share = Annotated[float, Field(ge=0, le=1)]
-Size = Annotated[tuple[Positive, Positive], BeforeValidator(_tuple)]
-Vector = Annotated[tuple[float, float, float], BeforeValidator(_tuple)]
 
 
 class Map(Protocol):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Positive, Section, checked, read_toml
@@ -22,6 +22,7 @@ from vrscan.scene import detectability
 from vrscan.scene.detectability import Beam, Filter, View
 from vrscan.scene.safety import PUPIL_MM, ansi_exposure_j_cm2
 from vrscan.scene.sun import Irradiance, Sun, Time, band_irradiance, band_share
+from vrscan.scene.tuples import Pair
 
 SPECTRUM_NM = (280.0, 4000.0)
 EXPOSURES_S = (0.25, 1.0, 10.0)  # durations of looking into the beam
@@ -55,15 +56,10 @@ class Bandpass(Section):
     out, it is that of ASTM G173's global spectrum.
     """
 
-    band_nm: tuple[float, float]
+    band_nm: Pair
     laser: Share
     band: Share
     share: Share | None = None
-
-    @field_validator("band_nm", mode="before")
-    @classmethod
-    def _pair(cls, value: object) -> object:
-        return tuple(value) if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _rises(self) -> "Bandpass":

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Positive, Section
@@ -25,15 +25,11 @@ from vrscan.data.errors import InputError
 from vrscan.scene import shapes, thread
 from vrscan.scene.bust import bust
 from vrscan.scene.meshes import Caster, load_mesh
-from vrscan.scene.reflectance import Map, MapSection, Size, Vector, load_map
+from vrscan.scene.reflectance import Map, MapSection, load_map
 from vrscan.scene.shapes import START, Shape, dot
+from vrscan.scene.tuples import Size, Size3, Vector
 
 __all__ = ["START", "Hits", "TargetSection", "World"]
-
-Size3 = Annotated[
-    tuple[Positive, Positive, Positive],
-    BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
-]
 
 
 class Target(Section, ABC):
