@@ -30,6 +30,7 @@ from vrscan.scene.scatter import (
     receiver,
 )
 from vrscan.scene.sensor import FixedPattern, chunks, fixed_pattern
+from vrscan.scene.shapes import dot
 from vrscan.scene.speckle import Speckle
 from vrscan.scene.spots import Camera
 from vrscan.scene.stray import Stray, WindowGhost, dust_shadow, obscured_share, window_ghost
@@ -533,7 +534,7 @@ class Light:
         away = np.linalg.norm(point, axis=1)
         seen = (target >= 0) & (away > 0.0)
         away = np.where(seen, away, 1.0)
-        facing = np.where(seen, -np.einsum("ij,ij->i", point, normal) / away, 0.0)
+        facing = np.where(seen, -dot(point, normal) / away, 0.0)
         seen &= facing > 1e-9
         some = point[seen] + lift
         hidden = self.world.blocked(np.broadcast_to(lift, some.shape), some)

@@ -26,6 +26,7 @@ from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.ideal.geometry import undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.light import PAN_STEP_MM, Light
+from vrscan.scene.shapes import dot
 from vrscan.scene.spots import Camera, meet
 from vrscan.scene.surface import core
 
@@ -91,15 +92,15 @@ class _Views:
 
     def along(self, place: Floats) -> Floats:
         """Return how far along the mirrored rays places are, mm [k]."""
-        return _dot(place - self.point, self.away)
+        return dot(place - self.point, self.away)
 
     def left(self, place: Floats) -> Floats:
         """Return how far to the left of places the mirrored rays pass, mm [k]."""
-        return _dot(place - self.point, self.right)
+        return dot(place - self.point, self.right)
 
     def below(self, place: Floats) -> Floats:
         """Return how far below places the mirrored rays pass, mm [k]."""
-        return _dot(place - self.point, self.up)
+        return dot(place - self.point, self.up)
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class Mirrors:
         """
         lift = y_mm[:, None] * _UP
         hits = self.light.world.cast(lift.copy(), beam)
-        cos = -_dot(beam, hits.normal)
+        cos = -dot(beam, hits.normal)
         rows = np.flatnonzero((hits.target >= 0) & (cos > _LEAST_COS))
         distance = hits.distance_mm[rows]
         first = _Spots(
@@ -214,18 +215,18 @@ class Mirrors:
             sides = [self.light.world.cast(first.lift + d * reach, first.ray) for d in (-1.0, 1.0)]
             same = (sides[0].target == first.target) & (sides[1].target == first.target)
             low, high = (_mirrored(first.ray, side.normal) for side in sides)
-            turn = _dot(high - low, _mirrored(way, first.normal)) / (2.0 * step)
+            turn = dot(high - low, _mirrored(way, first.normal)) / (2.0 * step)
             found.append(np.where(same, turn, 0.0))
         return found[0], found[1]
 
     # -- what a glossy surface shows --
 
     def _matt_to_gloss(self, spots: _Spots, views: _Views, ways: _Ways) -> Images:
-        back = -_dot(spots.ray, spots.normal)
+        back = -dot(spots.ray, spots.normal)
         # An offset of the beam in the scan plane moves the spot along its surface by so much.
         across = np.cross(_UP, spots.ray)
-        slide = across + (_dot(across, spots.normal) / back)[:, None] * spots.ray
-        lean = _dot(slide, views.right) / ways.right_mm
+        slide = across + (dot(across, spots.normal) / back)[:, None] * spots.ray
+        lean = dot(slide, views.right) / ways.right_mm
         # The mirror's image of the spot stands behind it as far as the fan of rays says.
         open_mm = ways.wide - ways.near
         behind = ways.near * views.far / np.where(open_mm == 0.0, 1.0, open_mm)
@@ -257,7 +258,7 @@ class Mirrors:
         ahead = views.along(spots.point)
         good = (ahead > _LEAST_MM) & (views.cos > _LEAST_COS)
         good &= astray < _ASTRAY * self._sigma[views.target] * ahead
-        good &= _dot(views.point - spots.point, spots.normal) > 0.0
+        good &= dot(views.point - spots.point, spots.normal) > 0.0
         spots, views, pixel = _of(spots, good), _of(views, good), pixel[good]
         place, near = spots.point, ahead[good]
         low, high = (self._look(pixel + d, spots.lift).left(place) for d in (-_APART_PX, _APART_PX))
@@ -267,7 +268,7 @@ class Mirrors:
         wide = right_mm * geometry.focal_mm / slope / np.square(views.off_axis)
         below = views.below(place)
         tall = (below - self._look(pixel, spots.lift, _APART_RAD).below(place)) / _APART_RAD
-        leave = _dot(views.point - place, spots.normal) / near
+        leave = dot(views.point - place, spots.normal) / near
         good = (np.abs(wide) > _LEAST_MM) & (np.abs(tall) > _LEAST_MM)
         good &= ~self.light.world.blocked(place + spots.lift, views.point + spots.lift)
         light = self._held(views.target, np.clip(views.cos, 0.0, 1.0)) * self._camera.pupil_mm2
@@ -292,7 +293,7 @@ class Mirrors:
             if not mirror.any():
                 continue
             left, along = (
-                np.einsum("ik,jk->ij", first.point[rows], way) - _dot(views.point, way)
+                np.einsum("ik,jk->ij", first.point[rows], way) - dot(views.point, way)
                 for way in (views.right, views.away)
             )
             turns, ahead = left > 0.0, along > _LEAST_MM
@@ -302,7 +303,7 @@ class Mirrors:
             place, normal = first.point[rows[i]], first.normal[rows[i]]
             sees = np.zeros(len(i), np.bool_)
             for end in (j, j + 1):
-                sees |= _dot(views.point[end] - place, normal) > 0.0
+                sees |= dot(views.point[end] - place, normal) > 0.0
             i, j = i[sees], j[sees]
             at.append(rows[i])
             ends.append(np.stack([pixel[j], pixel[j + 1], left[i, j], left[i, j + 1]]))
@@ -352,9 +353,9 @@ class Mirrors:
         camera, geometry = self._camera, self.light.config.geometry
         u, _ = undistorted(pixel, geometry)
         ray = camera.axis + (u / geometry.focal_mm)[:, None] * camera.side
-        ray /= np.sqrt(_dot(ray, ray))[:, None]
+        ray /= np.sqrt(dot(ray, ray))[:, None]
         ray += up_rad * _UP
-        ray /= np.sqrt(_dot(ray, ray))[:, None]
+        ray /= np.sqrt(dot(ray, ray))[:, None]
         hits = self.light.world.cast(camera.place + lift, ray)
         far = np.where(hits.target >= 0, hits.distance_mm, 0.0)
         return self._views(camera.place + far[:, None] * ray, hits.normal, hits.target, up_rad)
@@ -362,17 +363,17 @@ class Mirrors:
     def _views(self, point: Floats, normal: Floats, target: Ints, up_rad: float) -> _Views:
         camera = self._camera
         ray = point - camera.place
-        far = np.sqrt(_dot(ray, ray))
+        far = np.sqrt(dot(ray, ray))
         ray = np.where(far[:, None] > 0.0, ray / np.maximum(far, 1e-9)[:, None], camera.axis)
         # Across the ray, in the scan plane; rising pixels are on the side of ``camera.side``.
         right = np.cross(ray, _UP)
         right *= np.sign(camera.side @ np.cross(camera.axis, _UP))
-        right /= np.sqrt(_dot(right, right))[:, None]
-        up = _UP - _dot(ray, np.broadcast_to(_UP, ray.shape))[:, None] * ray
+        right /= np.sqrt(dot(right, right))[:, None]
+        up = _UP - dot(ray, np.broadcast_to(_UP, ray.shape))[:, None] * ray
         return _Views(
             point=point,
             target=target,
-            cos=-_dot(ray, normal),
+            cos=-dot(ray, normal),
             away=_mirrored(ray, normal),
             right=_mirrored(right, normal),
             up=_mirrored(up, normal),
@@ -398,11 +399,11 @@ class Mirrors:
         # Mirror and spot see each other above or below the plane of the camera's ray.
         above = ways.below / ways.tall
         way = views.point - spots.point + (above * views.far)[:, None] * _UP
-        toward = way / np.maximum(np.sqrt(_dot(way, way)), _LEAST_MM)[:, None]
+        toward = way / np.maximum(np.sqrt(dot(way, way)), _LEAST_MM)[:, None]
         half = toward - spots.ray
-        half -= _dot(half, spots.normal)[:, None] * spots.normal
+        half -= dot(half, spots.normal)[:, None] * spots.normal
         in_plane = np.cross(_UP, spots.normal)
-        in_plane /= np.maximum(np.sqrt(_dot(in_plane, in_plane)), 1e-9)[:, None]
+        in_plane /= np.maximum(np.sqrt(dot(in_plane, in_plane)), 1e-9)[:, None]
         leave = ways.leave
         # Squares of the sigmas in direction cosines of the first surface, along and across the row.
         first = np.square(lobe)
@@ -411,7 +412,7 @@ class Mirrors:
         disc = self._camera.pupil_mm2 / np.pi * leave / np.abs(ways.wide * ways.tall)
         disc = np.maximum(0.5 * disc / np.sqrt(along * across), 1e-12)
         wider = disc / -np.expm1(-disc)  # as in ``surface.brdf``
-        square = np.square(_dot(half, in_plane)) / along + np.square(half[:, 1]) / across
+        square = np.square(dot(half, in_plane)) / along + np.square(half[:, 1]) / across
         lobes = np.exp(-0.5 * square / wider) / (2.0 * np.pi * np.sqrt(along * across) * wider)
         held = self._held(spots.target, spots.cos)
         shift, rise = first / along, first / across
@@ -440,10 +441,6 @@ def _of(some: _Each, rows: Ints | Bools) -> _Each:
     return chosen
 
 
-def _dot(one: Floats, other: Floats) -> Floats:
-    return np.asarray(np.einsum("ij,ij->i", one, other))
-
-
 def _mirrored(way: Floats, normal: Floats) -> Floats:
     """Return directions after a mirror."""
-    return np.asarray(way - 2.0 * _dot(way, normal)[:, None] * normal)
+    return np.asarray(way - 2.0 * dot(way, normal)[:, None] * normal)

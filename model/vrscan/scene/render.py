@@ -212,9 +212,13 @@ class Renderer:
         return Frame(
             lines=lines,
             timeline=timeline,
-            reported_rad=(timeline.reported_rad if "index" in self.active else timeline.angle_rad),
+            reported_rad=self._reported(timeline),
             truth=self.truth(spots),
         )
+
+    def _reported(self, timeline: Timeline) -> Floats:
+        """Return the angles that the instrument states."""
+        return timeline.reported_rad if "index" in self.active else timeline.angle_rad
 
     def unexposed(self, timeline: Timeline) -> Unexposed:
         """Return the light of lines whose laser's power is not known yet.
@@ -224,10 +228,7 @@ class Renderer:
         """
         spots, pieces, second = self._spotter.find(timeline)
         length = self.light.config.sensor.line_length
-        laser = np.zeros((len(timeline), length), np.float32)
-        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            _add(laser, row, first, light)
-        self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
+        laser = self._laser_e(pieces, second, timeline)
         other = np.zeros((1, length), np.float32)
         if self._uneven_e is not None:
             other = other + self._uneven_e
@@ -236,8 +237,7 @@ class Renderer:
         if self._sensitivity is not None:
             other *= self._sensitivity
         other += np.float32(self._even_e)
-        reported = timeline.reported_rad if "index" in self.active else timeline.angle_rad
-        return Unexposed(laser, other, reported, self.truth(spots))
+        return Unexposed(laser, other, self._reported(timeline), self.truth(spots))
 
     def exposed(self, light: Unexposed, rows: slice, share: Floats, words: Pixels) -> Pixels:
         """Return the counts of some lines; a line is the same whichever come with it.
@@ -255,6 +255,14 @@ class Renderer:
         mean += light.other_e if len(light.other_e) == 1 else light.other_e[rows]
         return self._pixels(mean, words, self._offset)
 
+    def _laser_e(self, pieces: list[Pieces], second: list[Pieces], timeline: Timeline) -> Singles:
+        """Return the electrons of the laser's light on all pixels [n, length]."""
+        laser = np.zeros((len(timeline), self.light.config.sensor.line_length), np.float32)
+        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            _add(laser, row, first, light)
+        self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
+        return laser
+
     def look(self, timeline: Timeline) -> Truth:
         """Return the truth of the lines' spots, without making the lines."""
         return self.truth(self._spotter.find(timeline)[0])
@@ -269,10 +277,7 @@ class Renderer:
         """
         _, pieces, second = self._spotter.find(timeline)
         length = self.light.config.sensor.line_length
-        laser = np.zeros((len(timeline), length), np.float32)
-        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            _add(laser, row, first, light)
-        self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
+        laser = self._laser_e(pieces, second, timeline)
         other = np.zeros(length, np.float32) if self._uneven_e is None else self._uneven_e.copy()
         for name in self._changing:
             other += self.light.ambient(name, 0.0).astype(np.float32)

@@ -8,6 +8,7 @@ from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
 from vrscan.ideal.geometry import project, undistorted
 from vrscan.scene.description import Description
+from vrscan.scene.shapes import dot
 from vrscan.scene.surface import Material, brdf
 from vrscan.scene.targets import World
 
@@ -126,12 +127,12 @@ def meet(
     clear = ~world.blocked(here + lift, camera.place + lift)
     found.seen[rows] = clear
     sight = camera.place - here
-    square = np.einsum("ij,ij->i", sight, sight)
+    square = dot(sight, sight)
     far = np.sqrt(square)
     view = sight / far[:, None]
     deep, lateral = depth[rows], -(sight @ camera.side)
     # An offset s in the scan plane moves the point by s (e - d (e.n)/(d.n)), e across the ray d.
-    slant = np.einsum("ij,ij->i", ray, normal)
+    slant = dot(ray, normal)
     slant = np.where(np.abs(slant) < 1e-9, -1e-9, slant)
     along = (ray[:, 2] * normal[:, 0] - ray[:, 0] * normal[:, 2]) / slant
     step_x, step_z = ray[:, 2] - along * ray[:, 0], -ray[:, 0] - along * ray[:, 2]
@@ -142,7 +143,7 @@ def meet(
     lean = config.geometry.focal_mm * moved / deep / slope
     found.px_per_mm[rows] = np.clip(lean, -STEEPEST_PX_PER_MM, STEEPEST_PX_PER_MM)
 
-    upright = np.maximum(np.einsum("ij,ij->i", view, normal), 0.0)
+    upright = np.maximum(dot(view, normal), 0.0)
     scattered = np.zeros(len(rows))
     target = hits.target[rows]
     for material in dict.fromkeys(materials):

@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Section
+from vrscan.scene.shapes import dot
 
 MIRROR_STEP = 2.0  # change of the refractive index, dn, that stands for a reflection
 WAVELENGTH_NM = 658.0
@@ -105,14 +106,14 @@ def brdf(
     Returns:
         sr^-1 [n]; 0 where light or camera is below the horizon or grazes it exactly.
     """
-    cos_in = -np.einsum("ij,ij->i", incident, normal)
-    cos_out = np.einsum("ij,ij->i", view, normal)
+    cos_in = -dot(incident, normal)
+    cos_out = dot(view, normal)
     lit: Bools = (cos_in > 0.0) & (cos_out > 0.0)
     scattered = material.reflectance / math.pi * np.broadcast_to(albedo, lit.shape)
     if material.gloss > 0.0:
         half = view - incident
-        tangent = half - np.einsum("ij,ij->i", half, normal)[:, None] * normal
-        square = np.einsum("ij,ij->i", tangent, tangent)
+        tangent = half - dot(half, normal)[:, None] * normal
+        square = dot(tangent, tangent)
         lobe = _gauss(square, material.lobe_deg, acceptance_rad)
         if material.roughness_nm:
             share, skirt = _polish(material, wavelength_nm)

@@ -18,6 +18,7 @@ from vrscan.scene.description import Description
 from vrscan.scene.detectability import Beam, Filter, View
 from vrscan.scene.effects import BASE, EFFECTS
 from vrscan.scene.light import Light
+from vrscan.scene.shapes import dot
 from vrscan.scene.spots import meet
 from vrscan.scene.stray import BEYOND_PX, attenuation
 from vrscan.show.sheet import Column, Sheet, short, words
@@ -330,7 +331,7 @@ def _brightness_lines(light: Light, plan: Plan) -> list[str]:
         near = seen[away <= max(_NEAR * z_mm, float(away.min()))]
         irradiance = float(np.mean(_irradiance(light, point[near], normal[near])))
         way = np.linalg.norm(point[near], axis=1)
-        facing = np.abs(np.einsum("ij,ij->i", point[near], normal[near])) / np.maximum(way, 1.0)
+        facing = np.abs(dot(point[near], normal[near])) / np.maximum(way, 1.0)
         range_mm = float(way.mean())
         view = View(cos_in=float(np.clip(facing.mean(), _LEAST_COS, 1.0)))
         beam = Beam(
