@@ -17,8 +17,8 @@ import numpy as np
 
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Config
-from vrscan.data.lines import Lines
 from vrscan.detectors import fits, flanks, simple
+from vrscan.detectors.plain import plain_lines
 from vrscan.engines.engine import Engine, run
 
 _CHUNK = 512  # lines computed at a time: they fit in a cache
@@ -95,9 +95,7 @@ def _chain(engine: Engine, config: Config) -> Locate:
         peak = config.peak.model_copy(update={"kappa": kappa})
         centre = config.geometry.model_copy(update={"centre_px": 0.5 * (length - 1)})
         own = config.model_copy(update={"sensor": sensor, "peak": peak, "geometry": centre})
-        power = np.full(len(lines), config.laser.power_max, np.int64)
-        given = Lines(lines=lines, angle_rad=np.zeros(len(lines)), power=power)
-        found = run(engine, given, own)
+        found = run(engine, plain_lines(lines, config), own)
         return np.where(found.measured, found.position_px, np.nan)
 
     return find

@@ -19,6 +19,7 @@ from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
+from vrscan.detectors.plain import plain_lines
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import cramer_rao_variance, expose, spot_electrons
 from vrscan.show.sheet import Column, Sheet
@@ -102,8 +103,7 @@ def cell_lines(
         kappa=kappa,
         pixel_width=config.sensor.pixel_width,
     )
-    power = np.full(count, config.laser.power_max, np.int64)
-    return Lines(lines=lines, angle_rad=np.zeros(count), power=power), true, bound
+    return plain_lines(lines, config), true, bound
 
 
 def _score(result: Table, true: Floats, bound: Floats) -> Score:

@@ -15,8 +15,8 @@ from rich.table import Table as RichTable
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
-from vrscan.data.lines import Lines
 from vrscan.data.residuals import rms
+from vrscan.detectors.plain import plain_lines
 from vrscan.engines.engine import Engine, run
 from vrscan.show.sheet import Column, Sheet
 from vrscan.study.progress import Progress, for_each
@@ -80,8 +80,7 @@ def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float, 
     contrast, peak, sigma = spot
     rng = np.random.default_rng([_SEED, *(round(1000 * each) for each in spot)])
     taken = take(Spot(sigma, peak, contrast=contrast), count, config, rng)
-    power = np.full(count, config.laser.power_max, np.int64)
-    lines = Lines(lines=taken.lines, angle_rad=np.zeros(count), power=power)
+    lines = plain_lines(taken.lines, config)
     scores = {}
     for window in WINDOWS:
         changed = config.peak.model_copy(update={"window": window, "period": "n"})

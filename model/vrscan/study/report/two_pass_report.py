@@ -19,7 +19,7 @@ from rich.table import Table as RichTable
 from vrscan.data import pkg
 from vrscan.data.arrays import Floats, Ints, Pixels
 from vrscan.data.config import Config
-from vrscan.data.lines import Lines
+from vrscan.detectors.plain import plain_lines
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import spot_electrons
 from vrscan.show.sheet import Column, Sheet, listed
@@ -218,10 +218,7 @@ def _counts(mean: Floats, draws: Floats, config: Config) -> Pixels:
 
 
 def _positions(engine: Engine, pixels: Pixels, config: Config, window: str) -> Floats:
-    count = len(pixels)
-    power = np.full(count, config.laser.power_max, np.int64)
-    lines = Lines(lines=pixels, angle_rad=np.zeros(count), power=power)
-    result = run(engine, lines, with_window(config, window))
+    result = run(engine, plain_lines(pixels, config), with_window(config, window))
     return np.asarray(np.where(result.measured, result.position_px, np.nan))
 
 
