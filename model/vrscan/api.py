@@ -5,7 +5,7 @@
 """
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -21,6 +21,7 @@ from vrscan.data.table import Table
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
 from vrscan.engines.shadows import shaded
+from vrscan.study.progress import Progress
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from vrscan.scene.description import Description
 
 ConfigSource = Config | str | os.PathLike[str] | None
-Progress = Callable[[int], None]
 
 
 def simulate(

@@ -36,6 +36,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.simulate import BLOCK, TOGETHER, Scanner
 from vrscan.scene.timeline import timeline
 from vrscan.scene.tolerances import Instrument, drawn, written
+from vrscan.study.progress import Progress
 
 FRAMES = 10_000  # lines of a scan, as in the paper: 66 periods
 RELIEF_MM = tuple(320.0 + k for k in range(100))  # distances of the coarse calibration
@@ -432,7 +433,7 @@ class Experiment:
                 f"{self.folder}: holds another experiment (its {_KEPT} differs); another --out"
             )
 
-    def take(self, scans: Sequence[Scan], progress: Callable[[int], None]) -> list[Recording]:
+    def take(self, scans: Sequence[Scan], progress: Progress) -> list[Recording]:
         """Return scans, from the folder where they are kept already."""
         paths = [self.path(scan) for scan in scans]
         left = [(s, p) for s, p in zip(scans, paths, strict=True) if not p.exists()]
@@ -472,7 +473,7 @@ class Experiment:
                 yield done, sums
 
 
-Bar = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
+Bar = Callable[[str, int], AbstractContextManager[Progress]]
 
 
 def run(plan: Experiment, bar: Bar) -> dict[str, object]:

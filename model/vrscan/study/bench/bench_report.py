@@ -2,7 +2,7 @@
 
 import os
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -17,6 +17,7 @@ from vrscan.study.bench.keep import Keep
 from vrscan.study.bench.runner import run
 from vrscan.study.bench.sections import ALL
 from vrscan.study.bench.sections.section import Order, Section
+from vrscan.study.progress import Progress
 
 SEED = 20_260_611
 MOST_SEED = 2**32 - 1
@@ -50,7 +51,7 @@ def make(
     *,
     scheduler: str | None = None,
     jobs: int = 0,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress | None = None,
     sections: Sequence[Section] = ALL,
     kept: Path | None = None,
 ) -> list[Path]:

@@ -23,9 +23,9 @@ from vrscan.data import parallel
 from vrscan.data.errors import InputError, one_line
 from vrscan.study.bench.cells import Cell, Figures, do, version
 from vrscan.study.bench.keep import Keep
+from vrscan.study.progress import Progress
 
 PATIENCE_S = 5.0  # longest wait for an answer of a scheduler
-Progress = Callable[[int], None]
 
 
 def run(

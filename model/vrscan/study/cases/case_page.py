@@ -1,6 +1,6 @@
 """The page docs/hard-cases.md: the catalogue, its outcomes, and errors without a warning."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from vrscan.engines.tools import installed, repository_root
@@ -8,6 +8,7 @@ from vrscan.show.sheet import Column, Sheet, words
 from vrscan.study.cases.case import UNNOTICED_PX, WINDOWS, Case, LineCase, Outcome
 from vrscan.study.cases.case_errors import number
 from vrscan.study.cases.registry import rooms
+from vrscan.study.progress import Progress
 
 PAGE = "docs/hard-cases.md"
 OFF = "off without a warning"
@@ -35,7 +36,7 @@ bits; a row of one module names the test of its RTL. `vrscan cases --write` make
 """
 
 
-def measure(progress: Callable[[int], None] | None = None) -> dict[str, list[Outcome]]:
+def measure(progress: Progress | None = None) -> dict[str, list[Outcome]]:
     """Return the outcomes of every entry, one for each of its windows, by its name.
 
     Args:

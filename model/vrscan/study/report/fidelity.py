@@ -10,7 +10,7 @@ too low.
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -34,6 +34,7 @@ from vrscan.scene.simulate import Scanner, Simulation, simulate
 from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
 from vrscan.show.style import COLOURS, DECADES, INK, QUIET, drawing, plain_log
 from vrscan.study.plan import FLAT_PX, JUMP_PX, ZONES, alike, judged, moved, plan
+from vrscan.study.progress import Progress
 from vrscan.study.report.figure import largest, mean
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
@@ -110,7 +111,7 @@ def run(
     scenes: Sequence[str],
     count: int,
     config: Config,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress | None = None,
     *,
     rounds: int = ROUNDS,
 ) -> list[Row]:

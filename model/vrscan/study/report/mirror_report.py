@@ -1,7 +1,6 @@
 """A run of the mirror's loop compared with the truth: mirror.csv, its summary, its picture."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -29,6 +28,7 @@ from vrscan.ideal.natural_frequency import natural_frequency, resting_point
 from vrscan.registers.mirror_registers import MirrorRegisters
 from vrscan.show.sheet import Sheet, listed
 from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, drawing
+from vrscan.study.progress import Progress
 
 _FORMS = {
     "line": "{:.0f}", "time_s": "{:.10f}", "state": "", "angle_true_rad": "{:.10f}",
@@ -45,8 +45,6 @@ _PER_TURN = _TURN / 2.0**pkg.ANGLE_WIDTH
 _PER_AMPLITUDE = _TURN / 2.0**pkg.AMPLITUDE_FRACTION
 _NATURAL = 32  # pairs of crossings whose natural frequencies are averaged
 _BLOCK_LINES = 4 * len(HARMONICS)  # least number of lines to fit the true amplitude
-
-Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)

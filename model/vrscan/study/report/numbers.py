@@ -23,6 +23,7 @@ from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import simulate
 from vrscan.show.sheet import Column, Sheet, rewrite, words
+from vrscan.study.progress import Progress
 from vrscan.study.report import efficiency, formats, speed
 from vrscan.study.report import speckle_report as speckle
 from vrscan.study.report import two_pass_report as two_pass
@@ -41,8 +42,6 @@ CLOCK_HZ = 125e6
 LEAST_FIXED, LEAST_RTL = 10_000.0, 400.0  # lines/s
 LATENCY_WIDTHS = (3, 16, 64, 255)
 MOST_FALSE_PERCENT = 0.5  # of the lines with a free part
-
-Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)

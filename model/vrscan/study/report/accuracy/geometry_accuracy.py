@@ -5,7 +5,7 @@ integers. The constants of the instrument are float64's own, so the rounding of 
 part of the error.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ from vrscan.fixed.triangulate import (
 )
 from vrscan.ideal import geometry as ideal
 from vrscan.registers.chain_registers import Registers, angle_turns
+from vrscan.study.progress import Progress
 from vrscan.study.report.figure import SEED, Figure, largest
 
 NEAREST_MM, FARTHEST_MM = 250.0, 1000.0
@@ -237,7 +238,7 @@ def evaluate(geometry: Geometry, distances: int, draw: np.random.Generator) -> O
     )
 
 
-def measure(distances: int, progress: Callable[[int], None] | None = None) -> list[Figure]:
+def measure(distances: int, progress: Progress | None = None) -> list[Figure]:
     """Return the figures of x, z and sigma_z.
 
     Args:

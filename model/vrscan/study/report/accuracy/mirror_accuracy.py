@@ -1,7 +1,6 @@
 """Accuracy of the mirror's loop, RTL against the simulated mirror, and its detection of faults."""
 
 import math
-from collections.abc import Callable
 
 from vrscan.data.config import Config
 from vrscan.data.residuals import rms
@@ -17,8 +16,6 @@ DROP_EVERY = 7
 # Each drift would change the amplitude by a fifth without the loop; and the seconds in which the
 # loop is back, and a few more.
 DRIFTS = ((0.2, 2.2), (-0.8, 5.0))
-
-Progress = Callable[[int], None]
 
 
 def _one(config: Config, seconds: float, events: Events) -> tuple[Run, Summary]:

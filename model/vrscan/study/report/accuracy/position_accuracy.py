@@ -27,6 +27,7 @@ from vrscan.fixed.peak_position import peak_position
 from vrscan.fixed.phase_correlate import STEP_WIDTH, phase_correlate
 from vrscan.fixed.quarter_wave import LENGTH_ERROR, MAX_STEP, amplitude, error_bound, quarter_wave
 from vrscan.ideal.position import first_harmonic
+from vrscan.study.progress import Progress
 from vrscan.study.report.figure import SEED, Figure, largest
 
 LIMIT_MAX, LIMIT_RMS = 0.3e-3, 0.1e-3  # px
@@ -473,7 +474,7 @@ def sweep(
     *,
     period_n: bool,
     every: int = 1,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Sweep:
     """Return the positions of all kinds of windows.
 
