@@ -23,8 +23,8 @@ class AxisBench(TwinBench):
 
     @property
     def stream(self):
-        """The twin of the stream."""
-        return self.twin
+        """The twin of the stream, or the twin's part that is one."""
+        return getattr(self.twin, "stream", self.twin)
 
     def give(self, **inputs: int) -> None:
         ready = inputs.pop("ready", self.inputs["ready"])

@@ -50,7 +50,13 @@ TABLE = [round(float(p)) for p in lens(table_distance(np.arange(TABLE_SIZE)))]
 
 
 class FocusBench(TwinBench):
-    """A bench whose twin takes the settings beside the inputs."""
+    """A bench whose twin takes the settings beside the inputs.
+
+    Attributes:
+        period: Clocks from one ``point`` to the next.
+    """
+
+    period: int
 
     def __init__(self, dut, inputs: Iterable[str], salt: int) -> None:
         super().__init__(dut, [*inputs, *(f"focus_{name}" for name in vars(SETTINGS))])
@@ -90,3 +96,14 @@ class FocusBench(TwinBench):
         for k, value in enumerate(table):
             await self.clocks(table_write=1, table_index=k, table_position=value)
         self.table = list(table)
+
+    async def point(self, mm: float = 0.0, *, period: int | None = None, **point: int) -> None:
+        """Give a point and wait for the next one's time."""
+        await self.clocks(valid=1, **POINT | {"z": round(mm * MM)} | point)
+        self.give(z=int(self.draw.integers(-(1 << 23), 1 << 23)))
+        await self.clocks((self.period if period is None else period) - 1)
+
+    async def points(self, mm: float, count: int, **point: int) -> None:
+        """Give some points of one distance."""
+        for _ in range(count):
+            await self.point(mm, **point)

@@ -6,6 +6,11 @@ import numpy as np
 from cobs import cobs
 
 
+def on_the_line(byte: int) -> list[int]:
+    """Return the ten levels of a byte of a UART."""
+    return [0, *(byte >> k & 1 for k in range(8)), 1]
+
+
 def uncobs(coded: bytes) -> bytes | None:
     """Return what was coded, None where it is no COBS."""
     try:

@@ -450,6 +450,12 @@ def drive(handle: Port, value: int) -> None:
     handle.value = int(value) & ((1 << width) - 1)
 
 
+def drive_settings(dut, settings: object, prefix: str = "") -> None:
+    """Drive the ports of a configuration, each with the attribute of its name."""
+    for name, value in vars(settings).items():
+        drive(port(dut, f"{prefix}{name}_i"), value)
+
+
 async def run_vectors(
     dut,
     inputs: Mapping[str, np.ndarray],
@@ -645,6 +651,11 @@ class TwinBench(UnitBench, abc.ABC):
                 drive(port(self.dut, f"{place}_i"), bits)
                 self.inputs[name] = value
 
+    def change(self, settings: object) -> None:
+        """Change the configuration, which the twin has as ``settings``."""
+        drive_settings(self.dut, settings)
+        self.twin.settings = settings
+
     async def reset_to(self, twin, count: int = 1, **inputs: int) -> None:
         """Reset for some clocks with these inputs; a new twin goes on from there."""
         self.give(**inputs)
@@ -710,6 +721,7 @@ __all__ = [
     "as_integer",
     "assert_equal",
     "drive",
+    "drive_settings",
     "each",
     "generator",
     "in_volume",

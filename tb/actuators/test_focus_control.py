@@ -79,6 +79,7 @@ class Bench(FocusBench):
     """
 
     strobes = ("valid", "table_write", "push")
+    period = TARGET_LATENCY
 
     def __init__(self, dut, salt: int) -> None:
         super().__init__(dut, CALM, salt)
@@ -151,17 +152,6 @@ class Bench(FocusBench):
             for name in self.strobes:
                 if now[name]:
                     self.give(**{name: 0})
-
-    async def point(self, mm: float = 0.0, *, period: int = TARGET_LATENCY, **point: int) -> None:
-        """Give a point and wait for the next one's time."""
-        await self.clocks(valid=1, **POINT | {"z": round(mm * MM)} | point)
-        self.give(z=int(self.draw.integers(-(1 << 23), 1 << 23)))
-        await self.clocks(period - 1)
-
-    async def points(self, mm: float, count: int, **point: int) -> None:
-        """Give some points of one distance."""
-        for _ in range(count):
-            await self.point(mm, **point)
 
     async def until(self, *states: State, clocks: int = 60_000) -> None:
         """Go on until the loop is in one of the states."""

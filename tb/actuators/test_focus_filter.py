@@ -17,6 +17,7 @@ class Bench(FocusBench):
     """Filter and twin, compared every clock."""
 
     strobes = ("valid",)
+    period = PERIOD
 
     def __init__(self, dut, salt: int) -> None:
         super().__init__(dut, QUIET, salt)
@@ -37,17 +38,6 @@ class Bench(FocusBench):
         got, twin = self.outputs.read(), self.twin
         want = (twin.valid, twin.distance, twin.lapse)
         assert got == want, f"clock {self.clock}: {OUTPUTS} {got}, want {want}, {self.inputs}"
-
-    async def point(self, mm: float = 0.0, *, period: int = PERIOD, **point: int) -> None:
-        """Give a point and wait for the next one's time."""
-        await self.clocks(valid=1, **POINT | {"z": round(mm * MM)} | point)
-        self.give(z=int(self.draw.integers(-(1 << 23), 1 << 23)))
-        await self.clocks(period - 1)
-
-    async def points(self, mm: float, count: int, **point: int) -> None:
-        """Give some points of one distance."""
-        for _ in range(count):
-            await self.point(mm, **point)
 
 
 @cocotb.test()

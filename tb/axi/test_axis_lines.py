@@ -25,10 +25,6 @@ class Bench(AxisBench):
         self.length = parameters()["LineLength"]
         self.most = (1 << parameters().get("CountWidth", 16)) - 1
 
-    @property
-    def stream(self):
-        return self.twin.stream
-
     def check(self) -> None:
         super().check()
         assert as_integer(self.dut.lines_dropped_o) == self.twin.lines_dropped

@@ -34,10 +34,6 @@ class Bench(AxisBench):
         super().__init__(dut, QUIET)
         self.draw = generator(1)
 
-    @property
-    def stream(self):
-        return self.twin.stream
-
     def check(self) -> None:
         super().check()
         assert as_integer(self.dut.points_dropped_o) == self.twin.points_dropped

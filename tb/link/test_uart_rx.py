@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import cocotb
 import numpy as np
 import pytest
+from frame_oracle import on_the_line
 from harness import (
     TwinBench,
     as_integer,
@@ -21,11 +22,6 @@ LINK = round(3e6 / 125e6 * ONE)  # 3 Mbaud
 OUTPUTS = ("valid", "framing", "break_", "glitch")
 QUIET = {"rx": True, "step": FASTEST}
 HARD = [0x00, 0xFF, 0x80, 0x7F, 0x55, 0xAA, 0x01, 0xFE, 0x00, 0x00, 0x80, 0x80, 0xFF, 0xFF]
-
-
-def frame(byte: int) -> list[int]:
-    """Return the ten levels of a byte."""
-    return [0, *(byte >> k & 1 for k in range(8)), 1]
 
 
 def sampled(
@@ -56,7 +52,7 @@ def run_of(data: Sequence[int], gaps: np.ndarray | None = None) -> tuple[list[in
     """Return levels and their lengths: the line at rest, and bytes, ``gaps`` bits after each."""
     levels, lengths = [1], [3.0]
     for k, byte in enumerate(data):
-        levels += frame(byte)
+        levels += on_the_line(byte)
         lengths += [1.0] * 10
         if gaps is not None:
             lengths[-1] += gaps[k]
@@ -181,8 +177,8 @@ async def latency_at_every_rate(dut) -> None:
     bench = await Bench.started(dut)
     for step in (FASTEST, LINK, 1_000_003, 1 << 20, 1 << 18, FASTEST + 1, 3_000_000, STEP_MAX):
         for levels, kinds in (
-            (frame(0xA6), ["valid"]),
-            ([*frame(0xA6)[:9], 0], ["valid", "framing"]),
+            (on_the_line(0xA6), ["valid"]),
+            ([*on_the_line(0xA6)[:9], 0], ["valid", "framing"]),
             ([0] * 10, ["framing", "break_"]),
         ):
             await bench.start(step=step)
@@ -210,7 +206,7 @@ async def glitches_are_no_start_bits(dut) -> None:
                 await bench.clocks(10 * ONE // step)
                 assert bench.kinds() == ["valid"] and bench.data == [0xFF]
                 continue
-            await bench.line(sampled(frame(0x5C), ONE / step))
+            await bench.line(sampled(on_the_line(0x5C), ONE / step))
             await bench.clocks(5, rx=True)
             assert bench.kinds() == ["glitch", "valid"], (step, width)
             assert bench.data == [0x5C]
@@ -224,7 +220,7 @@ async def a_clock_of_noise_in_every_bit(dut) -> None:
     await bench.clocks(20)
     data = draw.integers(0, 256, 100).tolist()
     for byte in data:
-        line = np.repeat(frame(byte), 16)
+        line = np.repeat(on_the_line(byte), 16)
         for k in range(9):  # at its very beginning a start bit would begin later
             line[16 * k + int(draw.integers(1 if k == 0 else 0, 16))] ^= 1
         # The stop bit's last sample rests: after it, a low one is a start.
@@ -243,9 +239,9 @@ async def low_stop_bits(dut) -> None:
         for low in (1, 2, 7, 11, 40):
             await bench.start()
             await bench.clocks(20)
-            await bench.line(sampled([*frame(byte)[:9], *[0] * low], 8.0))
+            await bench.line(sampled([*on_the_line(byte)[:9], *[0] * low], 8.0))
             await bench.clocks(1, rx=True)
-            await bench.line(sampled(frame(0x3E), 8.0))
+            await bench.line(sampled(on_the_line(0x3E), 8.0))
             await bench.clocks(10, rx=True)
             assert bench.kinds() == ["valid", "framing", "valid"]
             assert bench.data == [byte, 0x3E]
@@ -260,7 +256,7 @@ async def break_is_told_once(dut) -> None:
         await bench.clocks(20)
         await bench.clocks(clocks, rx=False)
         await bench.clocks(8, rx=True)
-        await bench.line(sampled(frame(0x00), 8.0))
+        await bench.line(sampled(on_the_line(0x00), 8.0))
         await bench.clocks(10, rx=True)
         assert bench.kinds() == ["framing", "break_", "valid"]
         assert bench.data == [0x00]
@@ -276,7 +272,7 @@ async def break_is_told_once(dut) -> None:
 async def reset_at_every_age(dut) -> None:
     """Nothing of a frame, a glitch or a break is left; a low line is no start until it was high."""
     bench = await Bench.started(dut)
-    lives = [sampled(frame(byte) * 2, 8.0) for byte in (0xA5, 0x00)] + [np.zeros(160, int)]
+    lives = [sampled(on_the_line(byte) * 2, 8.0) for byte in (0xA5, 0x00)] + [np.zeros(160, int)]
     for age in range(1, 160):
         life = lives[age % 3]
         await bench.start()
@@ -286,11 +282,11 @@ async def reset_at_every_age(dut) -> None:
         await bench.clocks(100 if age % 5 == 0 else age % 4, rx=False)
         assert bench.events == []
         await bench.clocks(1 + age % 7, rx=True)
-        await bench.line(sampled(frame(0x6B), 8.0))
+        await bench.line(sampled(on_the_line(0x6B), 8.0))
         await bench.clocks(10, rx=True)
         assert bench.kinds() == ["valid"] and bench.data == [0x6B]
     # A strobe that is due in the clock of the reset does not come.
-    byte = np.repeat(frame(0x11), 8)
+    byte = np.repeat(on_the_line(0x11), 8)
     low_stop = np.append(byte[:72], np.zeros(8, int))
     for line in (byte, low_stop, np.zeros(80, int), np.arange(80) >= 2):
         for age in (*range(4, 12), *range(76, 80)):
@@ -396,7 +392,7 @@ def test_uart_rx_model_after_noise_receives_again() -> None:
     draw = generator(7)
     for _ in range(300):
         noise = np.repeat(draw.integers(0, 2, 60), draw.integers(1, 12, 60))
-        line = np.concatenate([noise, np.ones(90, int), np.repeat(frame(0xD2), 8)])
+        line = np.concatenate([noise, np.ones(90, int), np.repeat(on_the_line(0xD2), 8)])
         assert heard(line, FASTEST)[0][-1] == 0xD2
 
 

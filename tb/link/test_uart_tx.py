@@ -5,6 +5,7 @@ from math import ceil
 import cocotb
 import numpy as np
 import pytest
+from frame_oracle import on_the_line
 from harness import (
     FallingEdge,
     TwinBench,
@@ -21,11 +22,6 @@ FASTEST = 1 << 21
 LINK = round(3e6 / 125e6 * ONE)  # 3 Mbaud
 OUTPUTS = ("ready", "tx", "busy")
 QUIET = {"valid": False, "data": 0, "step": FASTEST, "break_": False}
-
-
-def frame(byte: int) -> list[int]:
-    """Return the ten levels of a byte."""
-    return [0, *(byte >> k & 1 for k in range(8)), 1]
 
 
 def heard(line: list[int], clocks_per_bit: float) -> tuple[list[int], list[int]]:
@@ -147,7 +143,7 @@ async def back_to_back_without_a_gap(dut) -> None:
         await bench.send(data)
         await bench.finish()
         begins = bench.line.index(0)
-        bits = [bit for byte in data for bit in frame(byte)]
+        bits = [bit for byte in data for bit in on_the_line(byte)]
         run = bench.line[begins:]
         want = [bits[n * step >> 24] for n in range(ceil(len(bits) * ONE / step))]
         assert run[: len(want)] == want and all(run[len(want) :])

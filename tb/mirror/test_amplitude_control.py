@@ -2,10 +2,19 @@
 
 import dataclasses
 import functools
+from operator import attrgetter
 
 import cocotb
 import numpy as np
-from harness import EACH_VOLUME, Ports, TwinBench, drive, generator, port, rounds, simulate
+from harness import (
+    EACH_VOLUME,
+    Ports,
+    TwinBench,
+    drive_settings,
+    generator,
+    rounds,
+    simulate,
+)
 
 from vrscan.clocked.amplitude_control import (
     CONFIDENCE_FRACTION,
@@ -65,12 +74,8 @@ QUIET = {
     "acquired": False,
     "broken": False,
 }
+shown = attrgetter(*OUTPUTS)  # of a twin
 with_changes = functools.partial(dataclasses.replace, CALM)
-
-
-def shown(twin: AmplitudeControl) -> tuple[int, ...]:
-    """Return all outputs of a twin."""
-    return tuple(int(getattr(twin, name)) for name in OUTPUTS)
 
 
 class Loop:
@@ -109,8 +114,7 @@ class Bench(TwinBench):
 
     async def start(self, settings: Settings = CALM, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
-        for name, value in vars(settings).items():
-            drive(port(self.dut, f"{name}_i"), value)
+        drive_settings(self.dut, settings)
         self.settings = settings
         await self.reset_to(AmplitudeControl(settings), **(QUIET | inputs))
         self.check()

@@ -11,10 +11,10 @@ from harness import (
     FallingEdge,
     Ports,
     UnitBench,
+    drive_settings,
     each,
     generator,
     parameters,
-    port,
     rounds,
     simulate,
 )
@@ -69,8 +69,7 @@ class Bench(UnitBench):
     async def start(self, settings: Settings = CALM, *, busy: bool = False) -> None:
         """Set the configuration and reset for a clock, with ``busy`` while inputs are high."""
         dut = self.dut
-        for name, value in vars(settings).items():
-            port(dut, f"{name}_i").value = value
+        drive_settings(dut, settings)
         dut.rst_i.value = 1
         dut.comparator_i.value = self.ones if busy else 0
         dut.gate_i.value = self.ones if busy else 0
@@ -229,7 +228,7 @@ async def a_pulse_spans_the_wrap_of_the_time(dut) -> None:
     bench = await Bench.started(dut)
     to_wrap = ((1 << pkg.TIME_WIDTH) - parameters()["InitialTime"]) & MOST
     if not to_wrap:
-        return
+        pytest.skip("to count that far takes 2**32 clocks")
     await bench.samples(pulse(to_wrap - 60, 120, 100, bench.oversample))
     out, back = bench.crossings
     assert out["time"] > back["time"]
@@ -628,7 +627,7 @@ async def no_register_lifts_the_ceiling(dut) -> None:
     bench = await Bench.started(dut)
     ceiling = parameters().get("PeriodCeilingClks")
     if ceiling is None:
-        return
+        pytest.skip("there is no ceiling")
     for settings in (Settings(1, 0, MOST, MOST), Settings(1, 0, 300, MOST)):
         await bench.start(settings)
         await bench.hold(0, 20)

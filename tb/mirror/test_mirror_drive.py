@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from operator import attrgetter
 
 import cocotb
 import numpy as np
@@ -10,7 +11,7 @@ from harness import (
     EACH_VOLUME,
     TwinBench,
     as_integer,
-    drive,
+    drive_settings,
     generator,
     parameters,
     port,
@@ -69,12 +70,8 @@ QUICK = Settings(
     lost_timeout=300,
 )
 QUIET = {"enable": False, "trim": 0, "level": 0, "index_alive": False, "settled": False}
+shown = attrgetter(*OUTPUTS)  # of a twin
 with_changes = functools.partial(dataclasses.replace, QUICK)
-
-
-def shown(twin: MirrorDrive) -> tuple[int, ...]:
-    """Return all outputs of a twin."""
-    return tuple(int(getattr(twin, name)) for name in OUTPUTS)
 
 
 class Bench(TwinBench):
@@ -86,8 +83,7 @@ class Bench(TwinBench):
 
     async def start(self, settings: Settings = QUICK, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
-        for name, value in vars(settings).items():
-            drive(port(self.dut, f"{name}_i"), value)
+        drive_settings(self.dut, settings)
         given = parameters()
         limits = {CEILINGS[name]: most for name, most in given.items() if name in CEILINGS}
         twin = MirrorDrive(settings, given["StopWidth"], **limits)

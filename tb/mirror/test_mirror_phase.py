@@ -5,7 +5,7 @@ from collections.abc import Callable
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, UnitBench, drive, generator, port, simulate
+from harness import FallingEdge, UnitBench, drive, drive_settings, generator, port, simulate
 
 from vrscan.clocked.mirror_phase import (
     FINE_WIDTH,
@@ -35,10 +35,10 @@ CALM = Settings(phase_shift=2, rate_shift=20, amplitude_shift=3, error_limit=1 <
 Table = tuple[list[int], list[int]]
 
 
-def cosine_table(mark_turns: float = 0.04) -> Table:
-    """Return the table of a pure cosine: amplitude mark / cos(2 pi h), the middle at zero."""
+def cosine_table() -> Table:
+    """Return the table of a pure cosine: amplitude 0.04 / cos(2 pi h), the middle at zero."""
     h = np.arange(TABLE_SIZE) / (4.0 * TABLE_SIZE)
-    amplitude = np.round(mark_turns / np.cos(2.0 * np.pi * h) * 2.0**pkg.AMPLITUDE_FRACTION)
+    amplitude = np.round(0.04 / np.cos(2.0 * np.pi * h) * 2.0**pkg.AMPLITUDE_FRACTION)
     return np.minimum(amplitude, AMPLITUDE_MAX).astype(int).tolist(), [0] * TABLE_SIZE
 
 
@@ -64,8 +64,7 @@ class Bench(UnitBench):
 
     async def start(self, settings: Settings = CALM, **given: int) -> None:
         """Set the configuration and reset for a clock, with other inputs as ``given``."""
-        for name, value in vars(settings).items():
-            port(self.dut, f"{name}_i").value = value
+        drive_settings(self.dut, settings)
         self.dut.rst_i.value = 1
         self.drive(given)
         await FallingEdge(self.dut.clk_i)
@@ -130,11 +129,11 @@ class Bench(UnitBench):
                 table_midpoint=midpoint,
             )
 
-    async def pair(self, width: int, age: int = 0, inward_age: int | None = None) -> None:
+    async def pair(self, width: int, age: int = 0) -> None:
         """Send an outward, and an inward ``width`` clocks later; wait for the measurement."""
         await self.step(valid=1, outward=1, age=age)
         await self.steps(width - 1)
-        await self.step(valid=1, outward=0, age=age if inward_age is None else inward_age)
+        await self.step(valid=1, outward=0, age=age)
         await self.steps(LATENCY - 1)
 
 
@@ -637,10 +636,10 @@ PERIOD = 502_008.137  # clocks: 249 Hz at 125 MHz
 HALF = 0.11
 
 
-def tracker(settings: Settings, mark: float = 0.04) -> MirrorPhase:
+def tracker(settings: Settings) -> MirrorPhase:
     """Return a twin with the table of a cosine."""
     twin = MirrorPhase(settings)
-    twin.table_amplitude, twin.table_midpoint = cosine_table(mark)
+    twin.table_amplitude, twin.table_midpoint = cosine_table()
     return twin
 
 

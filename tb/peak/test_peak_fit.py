@@ -15,6 +15,7 @@ from harness import (
     reset,
     simulate,
 )
+from sensor_gain import kappa_register
 
 from vrscan.data import pkg
 from vrscan.fixed.peak_fit import (
@@ -41,7 +42,6 @@ GIVEN = (
     "measured", "left", "width", "slope", "position", "spread", "sigma", "maximum", "background",
     "noise",
 )  # fmt: skip
-KAPPA = 0.2
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,6 @@ class Cases:
             saturation_level=level,
             history=History.empty(),
         )
-
-
-def kappa_register(pixel_width: int) -> int:
-    """Return KAPPA as its register has it."""
-    return round(KAPPA * 2 ** (28 - pixel_width))
 
 
 def spots(given: dict[str, int], count: int, salt: int) -> Cases:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from harness import generator
+from sensor_gain import KAPPA
 
 from vrscan.data import pkg
 from vrscan.fixed import peak_fit as fixed
@@ -13,7 +14,6 @@ from vrscan.ideal import peak_fit as ideal
 from vrscan.scene.sensor import cramer_rao_variance
 
 LENGTH = 2048
-KAPPA = 0.2  # counts of 12 bits an electron
 SNR_MIN = 8.0
 DEPTH = pkg.SPECKLE_DEPTH
 SPECKLE_ONE = 2.0**fixed.SPECKLE_FRACTION

@@ -9,6 +9,7 @@ from harness import (
     FallingEdge,
     as_integer,
     assert_equal,
+    drive_settings,
     each,
     generator,
     parameters,
@@ -84,8 +85,7 @@ async def send(
             noise_row=False,
         )
     want = model(lines, statistics, settings)
-    for name, value in vars(settings).items():
-        port(dut, f"{name}_i").value = value
+    drive_settings(dut, settings)
     for _ in range(2):
         await FallingEdge(dut.clk_i)
     got: dict[str, list[int]] = {name: [] for name in OUTPUTS}

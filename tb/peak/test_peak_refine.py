@@ -18,6 +18,7 @@ from harness import (
 )
 from scipy.integrate import quad
 from scipy.optimize import brentq
+from sensor_gain import KAPPA, kappa_register
 
 from vrscan.data import pkg
 from vrscan.fixed.peak_refine import START_LATENCY, Refined, latency, peak_refine, sigma_table
@@ -32,7 +33,6 @@ ELABORATIONS = [
 ]
 OUTPUTS = {"left": False, "width": False, "ramp": True, "slope": True, "sigma": False}
 RING = 1 << pkg.RING_WIDTH
-KAPPA = 0.2
 SHARE_ONE = 13813603.0  # |P1| over the sum of a line: the CORDIC's gain times the sine's amplitude
 
 
@@ -80,11 +80,6 @@ class Cases:
             max_window=given["MaxWindow"],
             kappa=kappa,
         )
-
-
-def kappa_register(pixel_width: int) -> int:
-    """Return KAPPA as its register has it."""
-    return round(KAPPA * 2 ** (28 - pixel_width))
 
 
 def measured(
@@ -315,8 +310,8 @@ def test_peak_refine_rtl_equals_model(widths: dict[str, int]) -> None:
 GIVEN = ELABORATIONS[0]
 
 
-def gaussian(centre: float, sigma: float, height: float, length: int = 2048) -> np.ndarray:
-    return height * np.exp(-0.5 * ((np.arange(length) - centre) / sigma) ** 2)
+def gaussian(centre: float, sigma: float, height: float) -> np.ndarray:
+    return height * np.exp(-0.5 * ((np.arange(2048) - centre) / sigma) ** 2)
 
 
 def one(line: np.ndarray, left: int, width: int, noise: float = 3.0) -> Refined:

@@ -9,7 +9,7 @@ import pytest
 from harness import (
     TwinBench,
     as_integer,
-    drive,
+    drive_settings,
     each,
     generator,
     parameters,
@@ -104,8 +104,7 @@ class Bench(TwinBench):
 
     def change(self, settings: Settings) -> None:
         """Set the registers."""
-        for name, value in vars(settings).items():
-            drive(port(self.dut, f"test_{name}_i"), value)
+        drive_settings(self.dut, settings, prefix="test_")
         self.twin.settings = settings
 
     async def start(self, **inputs: int) -> None:

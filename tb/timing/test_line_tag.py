@@ -5,7 +5,7 @@ from dataclasses import astuple, replace
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, as_integer, drive, generator, parameters, port, simulate
+from harness import TwinBench, as_integer, generator, parameters, port, simulate
 
 from vrscan.clocked.line_tag import ANGLE_LATENCY, LATENCY, LineTag, Tag
 from vrscan.data import pkg
@@ -61,12 +61,6 @@ class Bench(TwinBench):
         self.sent.clear()
         self.at_end.clear()
         self.check()
-
-    def change(self, settings: Settings) -> None:
-        """Change the configuration."""
-        for name, value in vars(settings).items():
-            drive(port(self.dut, f"{name}_i"), value)
-        self.twin.settings = settings
 
     def count(self, count: int) -> int:
         """Return what a counter shows of so many events."""
