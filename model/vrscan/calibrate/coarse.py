@@ -138,7 +138,7 @@ def calibrate(
         InputError: if there are fewer than 3 distances, the focus changes, a relief is a plane, the
             stage does not go one way, or a scan disagrees with the others.
     """
-    _check(recordings, config)
+    _check(recordings)
     wanted = parameters(config)
     free = [*wanted, SEEN]
     folded = [each.folded() for each in recordings]
@@ -182,7 +182,7 @@ def mean_mm(recordings: Sequence[Recording], config: Config) -> float:
     )
 
 
-def _check(recordings: Sequence[Recording], config: Config) -> None:
+def _check(recordings: Sequence[Recording]) -> None:
     distances = [each.setup.z_mm for each in recordings]
     if len(set(distances)) < LEAST_DISTANCES:
         raise InputError(

@@ -272,14 +272,9 @@ def _as_seen(point: Motion, harmonics: Floats, mark_rad: float, table: Floats) -
 LEVELS = (0.62, 0.66, 0.70, 0.74, 0.78)  # levels of the drive over the band in which the loop rests
 
 
-def simulated_map(
-    amplitude_rad: float,
-    mark_rad: float,
-    mirror: Mirror | None = None,
-    levels: Sequence[float] = LEVELS,
-) -> tuple[OperatingMap, list[Motion]]:
-    """Return the map of the simulated mirror over drive levels, and the operating points."""
-    points = simulated_motions(amplitude_rad, mirror, levels)
+def simulated_map(amplitude_rad: float, mark_rad: float) -> tuple[OperatingMap, list[Motion]]:
+    """Return the map of the simulated mirror over ``LEVELS``, and the operating points."""
+    points = simulated_motions(amplitude_rad)
     return operating_map(points, mark_rad), points
 
 

@@ -28,7 +28,6 @@ class Patch:
 class Shape:
     """Shapes of peaks, from the run above the threshold; all arrays [n]."""
 
-    mask: Bools  # pixels of the run [n, 2 REACH + 1]
     centre: Floats  # centroid of the run, px from the maximum
     sigma: Floats  # area / height / sqrt(2 pi), at least 0.3 px
 
@@ -90,7 +89,7 @@ def shape(patch: Patch, noise: Floats) -> Shape:
     centre = inside @ columns() / np.where(area > 0.0, area, 1.0)
     height = np.where(patch.found, patch.height, 1.0)
     sigma = np.maximum(area / height / np.sqrt(2.0 * np.pi), 0.3)
-    return Shape(mask=mask, centre=centre, sigma=sigma)
+    return Shape(centre=centre, sigma=sigma)
 
 
 def place(patch: Patch, offset: Floats) -> Floats:

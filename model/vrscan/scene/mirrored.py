@@ -346,7 +346,7 @@ class Mirrors:
     def _coarse(self, y_mm: float) -> tuple[Floats, _Views]:
         """Return the pixels of ``Light.view`` and what they show by way of a mirror."""
         point, normal, target, _ = self.light.view(y_mm)
-        return self.light.view_px, self._views(point, normal, target, 0.0)
+        return self.light.view_px, self._views(point, normal, target)
 
     def _look(self, pixel: Floats, lift: Floats, up_rad: float = 0.0) -> _Views:
         """Return what pixels show, or the places so much higher than they."""
@@ -358,9 +358,9 @@ class Mirrors:
         ray /= np.sqrt(dot(ray, ray))[:, None]
         hits = self.light.world.cast(camera.place + lift, ray)
         far = np.where(hits.target >= 0, hits.distance_mm, 0.0)
-        return self._views(camera.place + far[:, None] * ray, hits.normal, hits.target, up_rad)
+        return self._views(camera.place + far[:, None] * ray, hits.normal, hits.target)
 
-    def _views(self, point: Floats, normal: Floats, target: Ints, up_rad: float) -> _Views:
+    def _views(self, point: Floats, normal: Floats, target: Ints) -> _Views:
         camera = self._camera
         ray = point - camera.place
         far = np.sqrt(dot(ray, ray))

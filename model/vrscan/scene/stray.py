@@ -186,8 +186,6 @@ class WindowGhost:
     shift_mm: Floats  # [n] shift of the ghost, less that of the direct beam
     turn_rad: Floats  # [n] turn of the ghost, less that of the direct beam
     power: Floats  # [n] power of the ghost over that of the direct beam
-    direct_shift_mm: Floats  # [n] shift of the direct beam by the window
-    direct_turn_rad: Floats  # [n] turn of the direct beam by the window
 
 
 def window_ghost(window: HeadWindow, angle_rad: Floats) -> WindowGhost:
@@ -225,8 +223,6 @@ def window_ghost(window: HeadWindow, angle_rad: Floats) -> WindowGhost:
         shift_mm=shift - direct_shift,
         turn_rad=turn - direct_turn,
         power=np.where(good, power, 0.0),
-        direct_shift_mm=direct_shift,
-        direct_turn_rad=direct_turn,
     )
 
 

@@ -62,7 +62,8 @@ class Instrument(Section):
     warm_s: float = Field(default=0.0, ge=0)
     index_urad_per_k: float = 0.0
     amplitude_ppm_per_k: float = 0.0
-    natural_hz_per_k: float = 0.0  # of the mirror, for which its loop makes up
+    # Of the mirror. It has no effect on what is simulated: the mirror's loop makes up for it.
+    natural_hz_per_k: float = 0.0
 
     stage_um: float = Field(default=0.0, ge=0)  # largest error of the stage's positions
 

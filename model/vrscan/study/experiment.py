@@ -20,6 +20,7 @@ import numpy as np
 from vrscan.calibrate import coarse, field_map, mirror_map, recording, results, verify
 from vrscan.calibrate.motion_fit import simulated_motions
 from vrscan.calibrate.recording import Recording, Setup, recorded
+from vrscan.data import pkg
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.correction_maps import FieldMaps, extension_mm, focus_of_mm
@@ -46,7 +47,7 @@ STAGE_MM_PER_S = 60.0
 MIRROR_MM = (320.0, 345.0, 370.0, 395.0, 420.0)  # of the plane at each operating point
 MIRROR_LEVELS = (0.62, 0.70, 0.78)  # of the drive: the middle and the ends of the loop's band
 DRIFTED_LEVELS = (0.64, 0.66, 0.74, 0.76)  # where the loop may rest after a drift
-MAP_COUNT = 9
+MAP_COUNT = pkg.MAP_COUNT
 MAP_FAR_MM = 1010.0  # focus of the first map
 MAP_STEP_MM = 0.256  # of the lens from map to map: 512 of its steps of 0.5 um
 MAP_PLANES_MM = (0.16, 0.0, -0.16)  # of the lens: distances beside each focus

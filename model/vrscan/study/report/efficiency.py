@@ -24,6 +24,7 @@ from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import cramer_rao_variance, expose, spot_electrons
 from vrscan.show.sheet import Column, Sheet
 from vrscan.study.progress import Progress, for_each
+from vrscan.study.report.figure import SEED
 
 SIGMAS_PX = (1.0, 2.0, 4.0, 8.0, 12.0)
 PEAKS = (0.05, 0.20, 0.50, 0.90)  # heights, shares of full scale
@@ -31,7 +32,6 @@ READ_NOISE_COUNTS = 3.0
 BACKGROUND_COUNTS = 60.0
 LOST_PX = 5.0  # a position further off counts as lost
 GOAL_EFFICIENCY, GOAL_LOST = 0.90, 0.002
-_SEED = 20100301
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def cell_lines(
     Returns:
         The lines, the true positions in px [count] and the bound on their variance, px^2 [count].
     """
-    rng = np.random.default_rng([_SEED, round(100 * sigma_px), round(1000 * peak)])
+    rng = np.random.default_rng([SEED, round(100 * sigma_px), round(1000 * peak)])
     length, kappa = config.sensor.line_length, config.peak.kappa
     true = rng.uniform(0.25 * length, 0.75 * length, count)
     sigma = np.full(count, sigma_px)

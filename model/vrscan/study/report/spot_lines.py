@@ -19,10 +19,10 @@ from vrscan.ideal.geometry import ThinLens
 from vrscan.scene.description import Lens
 from vrscan.scene.sensor import REACH, cramer_rao_variance
 from vrscan.scene.speckle import Speckle
+from vrscan.scene.surface import WAVELENGTH_NM
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, LOST_PX, READ_NOISE_COUNTS
 
 SLOPE_PX, RETURN_PX = 100, 250  # a slope is straight up to the first, 0 from the second on
-WAVELENGTH_NM = 658.0
 _PATTERNS = 4  # speckle patterns in a cell
 _ANGLE_RAD = 0.3  # either way: 28 pupil widths, over which a pattern changes that often
 

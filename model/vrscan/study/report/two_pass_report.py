@@ -165,20 +165,12 @@ def rounding_bound(width: Ints, height: Floats) -> Floats:
     return np.asarray(position.guarantee(period_n=True) + bound)
 
 
-def arithmetic(
-    config: Config,
-    count: int,
-    *,
-    peaks: Sequence[float] = PEAKS,
-    sigmas_px: Sequence[float] = SIGMAS_PX,
-) -> tuple[Floats, Floats, float]:
+def arithmetic(config: Config, count: int) -> tuple[Floats, Floats, float]:
     """Return errors of the model against the float64 chain where both have the same window, px.
 
     Args:
         config: Thresholds and sensor.
         count: Number of lines of each width and height.
-        peaks: Heights of the spots, shares of full scale.
-        sigmas_px: Widths of the spots.
 
     Returns:
         Errors [n], the bound of each [n], and the share of lines with the same window.
@@ -186,8 +178,8 @@ def arithmetic(
     settings = with_window(config, "two_pass")
     errors, bounds, lines_with_both = [], [], 0
     aligned = 2.0 ** (pkg.ALIGNED_WIDTH - config.sensor.pixel_width)
-    for peak in peaks:
-        for sigma in sigmas_px:
+    for peak in PEAKS:
+        for sigma in SIGMAS_PX:
             lines, _, _ = cell_lines(sigma, peak, count, config)
             got, want = (run(each, lines, settings) for each in (Engine.FIXED, Engine.IDEAL))
             both = got.measured & want.measured
@@ -230,25 +222,19 @@ def _draws(count: int, salt: int, config: Config) -> tuple[Floats, Floats]:
     return centre, rng.standard_normal((count, length))
 
 
-def skew_positions(
-    engine: Engine,
-    config: Config,
-    count: int,
-    *,
-    sigma_px: float = SKEW_SIGMA_PX,
-    peaks: Sequence[float] = SKEW_PEAKS,
-) -> tuple[Floats, Floats]:
+def skew_positions(engine: Engine, config: Config, count: int) -> tuple[Floats, Floats]:
     """Return the positions of a skewed spot, px from its highest place, in one pass and in two.
 
-    Its sides have (1 - SKEW) and (1 + SKEW) times ``sigma_px``. The spots and the draws of noise
-    are the same at each height. The positions are means over ``count`` lines, [len(peaks)] each.
+    Its sides have (1 - SKEW) and (1 + SKEW) times SKEW_SIGMA_PX. The spots and the draws of noise
+    are the same at each height. The positions are means over ``count`` lines, one for each of
+    SKEW_PEAKS.
     """
     centre, draws = _draws(count, 1, config)
-    sides = (1.0 - SKEW) * sigma_px, (1.0 + SKEW) * sigma_px
+    sides = (1.0 - SKEW) * SKEW_SIGMA_PX, (1.0 + SKEW) * SKEW_SIGMA_PX
     shape = _profile(centre, sides, 1.0, draws.shape[1])
     full = float(2**config.sensor.pixel_width)
-    found = np.zeros((2, len(peaks)))
-    for k, peak in enumerate(peaks):
+    found = np.zeros((2, len(SKEW_PEAKS)))
+    for k, peak in enumerate(SKEW_PEAKS):
         pixels = _counts(BACKGROUND_COUNTS + peak * full * shape, draws, config)
         for row, window in zip(found, WINDOWS, strict=True):
             row[k] = np.nanmean(_positions(engine, pixels, config, window) - centre)

@@ -72,14 +72,12 @@ class Outcome:
         ratio: First harmonic of (8) over the sum above background.
         bound: Largest error that the widths allow, px.
         spread: Root mean square error that the widths allow, px.
-        wrapped: Whether the two positions are a period apart.
     """
 
     error: Floats
     ratio: Floats
     bound: Floats
     spread: Floats
-    wrapped: Bools
 
     @classmethod
     def joined(cls, parts: list["Outcome"]) -> "Outcome":
@@ -376,13 +374,7 @@ def evaluate(group: Windows, *, period_n: bool) -> Outcome:
     bound, spread = error_bounds(found.period, worst, typical)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = exact.magnitude / total
-    outcome = Outcome(
-        error=error,
-        ratio=ratio,
-        bound=bound,
-        spread=spread,
-        wrapped=np.abs(difference) > period / 2.0,
-    )
+    outcome = Outcome(error=error, ratio=ratio, bound=bound, spread=spread)
     return outcome.where(~exact.no_phase & ~found.no_phase)
 
 
