@@ -1,4 +1,4 @@
-"""The laser's beam: its width over distance, the stop that cuts it, its pulse, and the smear."""
+"""The laser's beam: its width over distance, the stop that cuts it, and its pulse."""
 
 import math
 from functools import lru_cache

@@ -1,7 +1,7 @@
 """Whether the laser stands out against the sun: brightness ratio B and the least power.
 
 The model is that of Liu et al., "Detectability of active triangulation range finder" (OSA),
-equations (1) to (4) and (6), for their line striper and for a spot; ``site`` has their case. (6) is
+equations (1), (4) and (6), for their line striper and for a spot; ``site`` has their case. (6) is
 printed with the filter's transmittance in its band where (4) has that at the laser's line; the form
 here follows from (4), so that B at the least power is the required one exactly.
 
