@@ -17,7 +17,7 @@ from vrscan.data.arrays import Floats, Ints
 from vrscan.scene.meshes import Caster, welded
 from vrscan.scene.shapes import dot
 
-_END = 4  # the part of the end faces; crest, falling flank, root and rising flank are 0 to 3
+END = 4  # the part of the end faces; crest, falling flank, root and rising flank are 0 to 3
 _BREAKS = np.array([0.0, 2.0, 7.0, 11.0]) / 16.0  # shares of the pitch at which crest .. rise begin
 _WIDTH = np.array([2.0, 5.0, 4.0, 5.0]) / 16.0
 _SLOPE = math.sqrt(3.0)  # slope of a flank: cot 30 degrees
@@ -90,7 +90,7 @@ class Thread:
         low = np.stack([np.full(columns, len(vertices) - 2), there[:, 0], here[:, 0]], -1)
         high = np.stack([np.full(columns, len(vertices) - 1), here[:, -1], there[:, -1]], -1)
         faces = np.concatenate([side.reshape(-1, 3), low, high])
-        parts = np.concatenate([part.ravel(), np.full(2 * columns, _END)])
+        parts = np.concatenate([part.ravel(), np.full(2 * columns, END)])
         vertices, faces, kept = welded(vertices, faces)
         return vertices, faces, parts[kept]
 
@@ -135,8 +135,8 @@ class _Exact:
             new[left] -= np.clip(step, -_FAR, _FAR)
             at = origin[left] + new[left, None] * direction[left]
             value[left], gradient[left] = self._surface(at, part[left])
-        good = (np.abs(new - distance) < _FAR) & (np.abs(value) < _CLOSE) & (part != _END)
-        gradient[part == _END] = (1.0, 0.0, 0.0)
+        good = (np.abs(new - distance) < _FAR) & (np.abs(value) < _CLOSE) & (part != END)
+        gradient[part == END] = (1.0, 0.0, 0.0)
         normal = gradient / np.sqrt(dot(gradient, gradient))[:, None]
         return np.where(good, new, distance), normal
 
