@@ -159,7 +159,7 @@ async def a_flip_flop_that_sticks_stops_the_beats(dut) -> None:
     The light still needs the other interlock's permission.
     """
     if heartbeat_bits() > 1:
-        return
+        pytest.skip("the beats are too slow")
     draw = generator(2)
     bench = await Bench.fresh(dut)
     settings = with_changes(limit_pulse_clks=6, watchdog_clks=400)

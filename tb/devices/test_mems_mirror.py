@@ -168,7 +168,7 @@ async def tens_of_periods_at_a_steady_drive(dut) -> None:
 async def starts_on_the_way_down_only(dut) -> None:
     """From rest: 275 to 249 Hz starts it, 235 to 249 Hz does not, below its fold it falls."""
     if parameters()["ClockHz"] != 500_000:
-        return
+        pytest.skip("sweeps take too many clocks")
     bench = Bench(dut)
 
     async def run(*arguments: float) -> float:

@@ -337,7 +337,7 @@ async def counts_of_dropped_records_wrap_or_stop(dut) -> None:
     bench = await Bench.started(dut)
     most = count_max()
     if most > 31:
-        return  # to count that far takes ten million clocks
+        pytest.skip("to count that far takes ten million clocks")
     total = 0
     for lost in (most - 1, most, most + 1, 3 * most):
         room = 6
