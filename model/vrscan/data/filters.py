@@ -13,12 +13,12 @@ from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.errors import InputError, nearest
 from vrscan.data.range_image import sweeps
+from vrscan.data.residuals import NORMAL
 from vrscan.data.table import Table
 
 MOST_LINES = 1001  # largest window of the median
 MOST_SCANS = 1000
 OUTLIER_LINES = 7  # window of ``outlier``
-_NORMAL = 1.4826  # standard deviation of a normal distribution over its median deviation
 
 
 def median(points: Table, lines: int) -> Table:
@@ -151,7 +151,7 @@ def outlier(points: Table, sigmas: float) -> Table:
     z = _around(np.where(points.located, points.z_mm, np.nan), OUTLIER_LINES)
     rows = np.flatnonzero(points.located & (np.isfinite(z).sum(axis=1) >= 3))
     middle = np.nanmedian(z[rows], axis=1)
-    spread = _NORMAL * np.nanmedian(np.abs(z[rows] - middle[:, None]), axis=1)
+    spread = NORMAL * np.nanmedian(np.abs(z[rows] - middle[:, None]), axis=1)
     far = np.abs(points.z_mm[rows] - middle)
     return _without(points, rows[far > sigmas * np.maximum(spread, points.sigma_z_mm[rows])])
 
