@@ -40,11 +40,9 @@ def full_records(found: Points, power: int) -> Records:
     return made
 
 
-def scene_lines(
-    count: int, scene: str = "default", fidelity: str = "minimal"
-) -> tuple[Pixels, Records]:
-    """Return lines of a scene and the records of their points."""
-    seen = vrscan.simulate(scene, count, fidelity=fidelity, config=CONFIG)
+def scene_lines(count: int, fidelity: str = "minimal") -> tuple[Pixels, Records]:
+    """Return lines of the default scene and the records of their points."""
+    seen = vrscan.simulate("default", count, fidelity=fidelity, config=CONFIG)
     registers = Registers.from_config(CONFIG)
     found = run_fixed(seen.lines, angle_turns(seen.angle_rad), seen.power, registers)
     return seen.lines, full_records(found, int(seen.power[0]))

@@ -148,9 +148,7 @@ def run_one(text: str) -> None:
 
 
 @pytest.mark.parametrize("page", RUN_PAGES, ids=lambda page: page.name)
-def test_the_commands_of_a_page_run_one_after_another(
-    page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_of_a_page_run_one_after_another(page: Path, folder: Path) -> None:
     texts = FOUND[page]
     with contextlib.ExitStack() as stack:
         board: FakeBoard | None = None

@@ -35,7 +35,6 @@ module frame_encoder_contract (
 );
 
   localparam logic [2:0] Data = 3'd0;
-  localparam logic [2:0] CrcHigh = 3'd1;
   localparam logic [2:0] Delimiter = 3'd4;
   localparam logic [3:0] LongestWait = 4'd14;  // clocks without room for a byte, if all is taken
 

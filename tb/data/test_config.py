@@ -213,7 +213,7 @@ def test_the_rate_follows_the_mirror(tmp_path: Path) -> None:
         load(write(tmp_path, "[line]\nlines_per_period = 150.1\npulse_us = 30.0\n"))
 
 
-def test_a_preset_is_a_configuration_by_its_name(tmp_path: Path) -> None:
+def test_a_preset_is_a_configuration_by_its_name() -> None:
     """Each fits in the registers, and its centre and kappa are those of its own sensor."""
     for name, path in presets().items():
         config = load(Path(name))

@@ -12,7 +12,6 @@ from vrscan.data.config import Config
 from vrscan.data.errors import InputError, InputWarning
 from vrscan.data.line_files import read
 
-SEED = 20100301
 DEFAULT = SCANNERS["default"]
 ANGLES = np.zeros(3)
 

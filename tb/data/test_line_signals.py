@@ -15,13 +15,13 @@ LENGTH = 64
 LINES = np.random.default_rng(6).integers(0, 4096, (4, LENGTH)).astype(np.uint16)
 
 
-def pins(lines: np.ndarray, blank: int = 5) -> np.ndarray:
+def pins(lines: np.ndarray) -> np.ndarray:
     """Return clock, valid and pixel at each half period, as a sensor drives them."""
     rows: list[tuple[int, int, int]] = []
     for line in lines:
-        for valid, pixel in [(0, 4095)] * blank + [(1, int(each)) for each in line]:
+        for valid, pixel in [(0, 4095)] * 5 + [(1, int(each)) for each in line]:
             rows += [(0, valid, pixel), (1, valid, pixel)]
-    rows += [(0, 0, 0), (1, 0, 0)] * blank
+    rows += [(0, 0, 0), (1, 0, 0)] * 5
     return np.array(rows)
 
 

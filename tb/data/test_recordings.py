@@ -143,7 +143,7 @@ def test_what_is_not_packed_is_larger_and_the_same(tmp_path: Path) -> None:
     assert sizes[0] < sizes[1] - dark.lines.nbytes // 2
 
 
-def test_by_the_own_reader_of_mcap(tmp_path: Path) -> None:
+def test_by_the_own_reader_of_mcap() -> None:
     from mcap.reader import make_reader
 
     reader = make_reader(io.BytesIO(whole()), validate_crcs=True)

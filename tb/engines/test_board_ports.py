@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from harness import generator
 from port_host import BAUD, Host
+from run_command import ended
 
-from vrscan.cli.app import main
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.engines.board import Process, status_file
@@ -244,7 +244,7 @@ def test_a_signal_ends_it_cleanly(board: Process, number: int) -> None:
     assert "M clocks/s, real time /" in board.log()
 
 
-def test_a_port_has_one_board(board: Process, tmp_path: Path) -> None:
+def test_a_port_has_one_board(board: Process) -> None:
     second = subprocess.run(words(board.port), capture_output=True, text=True, check=False)
     assert second.returncode == 2
     assert "another board has this port" in second.stderr
@@ -293,8 +293,6 @@ def test_bad_input_is_one_line(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("sys.argv", ["vrscan", "board", *given])
-    with pytest.raises(SystemExit) as end:
-        main()
+    assert ended(monkeypatch, "board", *given) == 2
     told = capsys.readouterr().err
-    assert end.value.code == 2 and said in told and told.count("\n") == 1
+    assert said in told and told.count("\n") == 1

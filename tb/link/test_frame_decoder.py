@@ -73,14 +73,11 @@ def results_of(stream: bytes, most: int, errors: Iterable[int] = NO_ERROR) -> li
     return results
 
 
-def taken_by(
-    twin: FrameDecoder, stream: bytes, errors: Iterable[int] = NO_ERROR
-) -> Iterator[Result]:
+def taken_by(twin: FrameDecoder, stream: bytes) -> Iterator[Result]:
     """Run a stream through the model without the clocks."""
     out = bytearray()
-    errors = set(errors)
-    for k, byte in enumerate(stream):
-        data, first, status = twin.take(byte, k in errors)
+    for byte in stream:
+        data, first, status = twin.take(byte)
         if data is not None:
             assert first == (not out)
             out.append(data)

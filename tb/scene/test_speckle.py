@@ -118,7 +118,7 @@ def test_position_error_is_that_of_a_coherent_image(speckle: Speckle, sigma_px: 
     assert own > least
 
 
-def test_a_first_order_error_by_direct_sums(speckle: Speckle) -> None:
+def test_a_first_order_error_by_direct_sums() -> None:
     # the closed form is an integral with neighbours' correlation as a factor; this is the sum
     squared = pixel_contrast2(CELLS)
     near = np.append(pixel_correlation(CELLS, np.arange(9.0)), 0.0)

@@ -183,10 +183,10 @@ def test_line_statistics_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("line_statistics", __file__, widths)
 
 
-def darkest_pairs(pixels: list[int], block: int, guard: int = 4) -> list[list[list[int]]]:
+def darkest_pairs(pixels: list[int], block: int) -> list[list[list[int]]]:
     """Return the blocks beside block ``block`` of a line by their definition: pairs of pixels."""
     whole = [pixels[k : k + 64] for k in range(0, len(pixels) - 63, 64)]
-    pairs = []
+    pairs, guard = [], 4
     for distance in range(2, 2 * guard + 1):
         there = [whole[k] for k in (block - distance, block + distance) if 0 <= k < len(whole)]
         if there:

@@ -44,9 +44,9 @@ def scene(**tables: Any) -> Description:
 
 
 @cache
-def planned(fidelity: str = "auto") -> tuple[Light, Plan]:
+def planned() -> tuple[Light, Plan]:
     light = Light(scene(), CONFIG)
-    return light, plan(light, 60, fidelity=fidelity)
+    return light, plan(light, 60, fidelity="auto")
 
 
 def made_up() -> Plan:

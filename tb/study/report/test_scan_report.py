@@ -50,10 +50,11 @@ def swept(scene: str, count: int) -> Lines:
     return simulate(Light(even, CONFIG), count, frozenset({"shot", "read"})).lines
 
 
-def swinging(count: int = 1500, *, scene: str = "default") -> tuple[Lines, Floats]:
+def swinging() -> tuple[Lines, Floats]:
     """Lines of a mirror that swings over the scene and, at the turning points, beyond it."""
+    count = 1500
     lines = timeline(0, count, count, CONFIG, Scan(pan_mm_per_s=500.0), SEED)
-    even = swept(scene, count)
+    even = swept("default", count)
     row = np.searchsorted(even.angle_rad, lines.angle_rad).clip(0, count - 1)
     recording = chosen(even, row)
     beyond = np.abs(lines.angle_rad) > np.abs(even.angle_rad).max()

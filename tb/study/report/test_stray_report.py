@@ -69,7 +69,7 @@ def test_a_of_a_halo_is_its_own_weight(found: report.StrayBudget) -> None:
         assert (cause.level <= 1.02 * together).all(), cause.name
 
 
-def test_shift_is_that_of_a_fit(found: report.StrayBudget) -> None:
+def test_shift_is_that_of_a_fit() -> None:
     """A fit of the spot's own shape by scipy, with ghosts strong enough to see."""
     plates = {"front_reflectance": 0.1, "back_reflectance": 0.1, "tilt_deg": 0.02}
     light = _light(window=plates, filter=plates)
