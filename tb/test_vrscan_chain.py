@@ -380,8 +380,6 @@ async def back_to_back(dut, window: str, count: int) -> None:
 @cocotb.test()
 async def lines_with_maps(dut) -> None:
     """With one window and with a fit, by each bank, where the lens stands still and moves."""
-    if parameters()["LineLength"] < 64:
-        pytest.skip("a map needs a longer line")
     lines = spot_lines(rounds(12, 40), 9)
     for bank, (window, follow) in enumerate((("threshold", True), ("fit", False))):
         given, maps = await start(dut, window), some_maps(20 + bank)
