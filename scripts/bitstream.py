@@ -212,13 +212,15 @@ def synthesise(design: Design) -> Path:
 PLACE_AND_ROUTE = ("--placer", "static", "--router", "router2", "--tmg-ripup")
 
 
-MOST_ROUNDS = 100  # of the router; routes that converge take some 40
+# Of the router: routes have 20 wires at most that are used twice after 100 rounds, or they do not
+# converge.  The last one may take another hundred.
+ROUNDS, MOST_ROUNDS, MOST_TWICE = 100, 1000, 20
 
 
 def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path] | None:
     """Return the placed and routed design and the report on it, a clock perhaps missed, or None.
 
-    None is of a seed whose routes do not converge, after MOST_ROUNDS.
+    None is of a seed whose routes do not converge.
     """
     folder, log = design.folder, design.folder / f"seed{seed}.txt"
     placed, report = folder / f"seed{seed}.config", folder / f"seed{seed}.json"
@@ -233,7 +235,7 @@ def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path] | None:
         try:
             while tool.poll() is None:
                 time.sleep(1.0)
-                if routed(log.read_text()) > MOST_ROUNDS:
+                if hopeless(log.read_text()):
                     return None
         finally:
             tool.kill()
@@ -243,9 +245,11 @@ def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path] | None:
     return placed, report
 
 
-def routed(log: str) -> int:
-    """Return how many rounds the router has done, by nextpnr's own words."""
-    return int((re.findall(r" iter=(\d+) wires=", log) or [0])[-1])
+def hopeless(log: str) -> bool:
+    """Return whether the router will not end, by nextpnr's own words."""
+    done = re.findall(r" iter=(\d+) wires=\d+ overused=(\d+)", log)
+    rounds, twice = (int(number) for number in done[-1]) if done else (0, 0)
+    return rounds > MOST_ROUNDS or (rounds > ROUNDS and twice > MOST_TWICE)
 
 
 def _constraints(design: Design) -> Path:
