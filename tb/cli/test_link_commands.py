@@ -383,8 +383,14 @@ def test_a_captured_line_as_text_csv_and_picture(board: FakeBoard) -> None:
     assert Path("line.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_lines_with_a_peak_are_waited_for(board: FakeBoard) -> None:
-    board.made["bits"] = np.arange(COUNT * 3) % 7 == 3
+@pytest.mark.parametrize("busy", [False, True])
+def test_lines_with_a_peak_are_waited_for(board: FakeBoard, busy: bool) -> None:
+    if busy:
+        board.lines_per_s = 1e9
+    # On a busy machine each capture is of the first of some hundred lines: of 600 places it would
+    # see six at most, again and again.
+    board.made = board.made[: COUNT * 3 - 1].copy()
+    board.made["bits"] = np.arange(COUNT * 3 - 1) % 7 == 3
     for count in (1, 3):
         words = ("capture", "--peak", "--out", "line.mcap", "--config", "config.toml")
         printed(*words, "--lines", str(count))
