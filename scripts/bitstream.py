@@ -41,7 +41,7 @@ from vrscan.registers.load import on_build
 from vrscan.show.sheet import listed, rewrite
 
 ROOT = repository_root()
-SEEDS = (4,)  # of the placer: meets the clocks of the shipped ULX3S; some keep the router for ever
+SEEDS = (5,)  # of the placer: meets the clocks of the shipped ULX3S
 
 
 @dataclass(frozen=True)
