@@ -85,6 +85,10 @@ package vrscan_pkg;
   localparam int unsigned ScaleFraction = 12;
   localparam int unsigned NeighbourClks = 16384;  // lines further apart are no neighbours
 
+  // A point's record is out LineLength + RecordClks clocks after its line's last pixel, whatever the
+  // other parameters and the mode, and NeighbourClks later where it waits for the next line.
+  localparam int unsigned RecordClks = 4864;
+
   // Geometry.
   localparam int unsigned OffsetFraction = 20;  // px
   localparam int unsigned DistortionWidth = 26;

@@ -1110,6 +1110,7 @@ FAULTS = [
         "rtl/link/line_capture.sv",
         ("a wait without end", "&& ahead != '1;", ";"),
         ("a line that has wrapped", "borrow_q <= above[8];", "borrow_q <= 1'b0;"),
+        ("no wait for the next line", "+ vrscan_pkg::NeighbourClks;", "+ 0;"),
     ),
     *faults(
         "rtl/actuators/laser_control.sv",

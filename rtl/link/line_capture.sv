@@ -3,7 +3,7 @@
 // Lines are counted as line_receiver counts them, and only one of exactly LineLength pixels is
 // taken.  Its pixels go out as chunks of link_pkg::CaptureChunk, then a packet with its record: or
 // without, where the chain has made none, which is known when one of a later line comes or none
-// within RecordClks.
+// within WaitClks.
 //
 //   record_valid_i   of point_record; a record is taken from its index 0 on
 //   valid_o          rises when a packet is there to its end; data_o stays while ready_i is low
@@ -64,9 +64,9 @@ module line_capture #(
   localparam int unsigned FillWidth = $clog2(LineLength + 1);
   localparam int unsigned Chunk = link_pkg::CaptureChunk;
   localparam int unsigned HeaderBytes = 8;
-  // The test keeps it above vrscan.fixed.vrscan_chain.latency and the record's bytes.
-  localparam int unsigned RecordClks = 4 * LineLength + 4096;
-  localparam int unsigned ClksWidth = $clog2(RecordClks + 1);
+  localparam int unsigned WaitClks = LineLength + vrscan_pkg::RecordClks
+                                     + vrscan_pkg::NeighbourClks;
+  localparam int unsigned ClksWidth = $clog2(WaitClks + 1);
 
   typedef enum logic [2:0] {IDLE, ARM, ARMED, CHUNK, AWAIT, SEND} state_e;
 
@@ -138,7 +138,7 @@ module line_capture #(
       if (record_index_i == 6'd63) got_q <= equal_q;
     end
     if (!awaiting) coming_q <= 1'b0;
-    if (later_q || clks_q == ClksWidth'(RecordClks)) missing_q <= 1'b1;
+    if (later_q || clks_q == ClksWidth'(WaitClks)) missing_q <= 1'b1;
     if (awaiting) clks_q <= clks_q + ClksWidth'(1);
     if (state_q == ARMED || state_q == IDLE) begin
       got_q     <= 1'b0;

@@ -20,15 +20,18 @@ from harness import (
 from random_records import random_records
 
 from vrscan.clocked.line_capture import BETWEEN, LATENCY, LineCapture, record_clks
+from vrscan.data import pkg
 from vrscan.data.link_pkg import (
     CAPTURE_EVERY,
     CAPTURE_LINE,
     CAPTURE_NEXT,
     CAPTURE_STOP,
+    FULL_BYTES,
     STREAM_CAPTURE_PIXELS,
     STREAM_CAPTURE_RECORD,
 )
-from vrscan.fixed.vrscan_chain import latency
+from vrscan.fixed import peak_neighbours, point_record
+from vrscan.fixed.vrscan_chain import MAX_WINDOW, latency
 
 ELABORATIONS = [
     {"LineLength": 230, "PixelWidth": 12},
@@ -435,10 +438,6 @@ async def missing_record_ends_the_capture_without_it(dut) -> None:
     assert await bench.drain() == [(number, line.pixels, None)]
     took = bench.clock - start
     assert 0 <= took - record_clks(bench.length) < 30
-    longest = latency(
-        min(bench.length, 255), measured=True, line_length=bench.length, pixel_width=12
-    )
-    assert record_clks(bench.length) > longest + 64
     # One that began before its line was taken is not taken for it.
     await bench.call(CAPTURE_NEXT)
     line = bench.line()
@@ -462,6 +461,25 @@ async def missing_record_ends_the_capture_without_it(dut) -> None:
     await bench.tick(50)
     data = await bench.record(number)
     assert await bench.drain() == [(number, line.pixels, data)]
+
+
+@cocotb.test()
+async def record_of_a_fit_comes_however_slow_lines_are(dut) -> None:
+    """A fit's point comes with the next line's, or when that one is too late to be a neighbour."""
+    bench = await Bench.started(dut)
+    late = longest(bench.length, bench.width, window=min(bench.length, MAX_WINDOW))
+    clocks = {pkg.FIT_PERIOD, 6000, pkg.NEIGHBOUR_CLKS - 1, pkg.NEIGHBOUR_CLKS + 1}
+    for period in sorted(clocks if is_large() else clocks - {6000}):
+        await bench.call(CAPTURE_NEXT)
+        line = bench.line()
+        number = await bench.send(line)
+        end = bench.clock - 3
+        due = end + late + min(period, pkg.NEIGHBOUR_CLKS)
+        await bench.tick(max(period - bench.length, 0))
+        await bench.send(bench.line())
+        await bench.tick(due - bench.clock)
+        data = await bench.record(number)
+        assert await bench.drain() == [(number, line.pixels, data)], f"a line every {period} clocks"
 
 
 @cocotb.test()
@@ -601,6 +619,39 @@ async def everything_at_random(dut) -> None:
         await bench.tick(int(bench.draw.integers(1, 3 * bench.length)))
         if not bench.twin.valid and bench.draw.random() < 0.5:
             await bench.tick(capture_start=1, capture_mode=CAPTURE_STOP)
+
+
+def longest(line_length: int, pixel_width: int, *, window: int, fit: bool = True) -> int:
+    """Return the clocks from a line's last pixel to its record, but for the wait of a fit."""
+    point = latency(
+        window,
+        measured=True,
+        line_length=line_length,
+        pixel_width=pixel_width,
+        max_window=window,
+        first_width=window,
+        fit=fit,
+        mapped=True,
+    )
+    # The chain sees a line a clock after the capture, the record its point a clock after the chain.
+    return 1 + point + 1 + point_record.LATENCY
+
+
+@pytest.mark.parametrize("line_length", [64, 1000, 2048, 8192, 25500])
+def test_line_capture_waits_as_long_as_a_point_takes(line_length: int) -> None:
+    """A point that comes with the late end of another's wait is weighed after it."""
+    widths = range(8, 17)
+    windows = (min(line_length, MAX_WINDOW), 3)
+    most = max(
+        longest(line_length, bits, window=window, fit=fit)
+        for bits in widths
+        for window in windows
+        for fit in (True, False)
+    )
+    needed = most + peak_neighbours.LATENCY + FULL_BYTES + pkg.NEIGHBOUR_CLKS
+    waits = record_clks(line_length)
+    print(f"{line_length} px: {needed} clocks needed, {waits} waited")
+    assert needed < waits <= needed + 512
 
 
 @EACH_VOLUME

@@ -14,8 +14,8 @@ _LINES = 1 << pkg.LINE_NUMBER_WIDTH
 
 
 def record_clks(line_length: int) -> int:
-    """Return the longest wait for a record, in clocks."""
-    return 4 * line_length + 4096
+    """Return the longest wait for a record, in clocks: ``WaitClks``."""
+    return line_length + pkg.RECORD_CLKS + pkg.NEIGHBOUR_CLKS
 
 
 class LineCapture:
