@@ -10,6 +10,7 @@ import pty
 import random
 import select
 import struct
+import termios
 import threading
 import time
 import tty
@@ -177,6 +178,17 @@ class FakeBoard:
         for end in (master, slave):
             if end >= 0:
                 os.close(end)
+
+    def unplug_at_rate(self) -> None:
+        """Take the port away when the host next changes its rate."""
+        drain = termios.tcdrain
+
+        def leave(file: int) -> None:
+            termios.tcdrain = drain
+            self.unplug()
+            drain(file)
+
+        termios.tcdrain = leave
 
     def reset(self) -> None:
         """Do what a loss of power does."""

@@ -3,9 +3,11 @@
 import itertools
 import math
 import re
+import termios
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -415,6 +417,64 @@ def test_unplugged_and_plugged_again(board: FakeBoard) -> None:
         device.reconnect(3.0)
         device.write("k_noise", 77)
         assert board.file.values["k_noise"] == [77]
+
+
+ERRORS = [termios.error(5, "Input/output error"), OSError(19, "No such device"), TypeError("fd")]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda each: type(each).__name__)
+@pytest.mark.parametrize("call", ["flush", "_reconfigure_port", "write", "read", "in_waiting"])
+def test_whatever_a_port_raises_it_is_gone(
+    board: FakeBoard, monkeypatch: pytest.MonkeyPatch, call: str, error: Exception
+) -> None:
+    """``_reconfigure_port`` is what pyserial does for a new rate."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    with connected(board) as device:
+        kind = type(device._transport._serial)
+        raising = property(fail) if call == "in_waiting" else fail
+        with monkeypatch.context() as patch:
+            patch.setattr(kind, call, raising)
+            with pytest.raises(UnpluggedError, match="the port is gone"):
+                device.set_baud(1_000_000)
+        with pytest.raises(UnpluggedError):
+            device.ping()
+        device.reconnect()
+        device.ping()
+        for each in ("close", "cancel_read"):
+            monkeypatch.setattr(kind, each, fail)
+
+
+@pytest.mark.parametrize("error", [*ERRORS, re.error("bad")], ids=lambda each: type(each).__name__)
+def test_whatever_an_open_raises_is_one_line(
+    board: FakeBoard, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("serial.serial_for_url", fail)
+    with pytest.raises(LinkError, match="cannot open") as found:
+        connected(board)
+    assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("reached", [True, False])
+def test_unplugged_at_a_change_of_rate(board: FakeBoard, reached: bool) -> None:
+    """The port goes while the last bytes at the old rate are sent, or before a break."""
+    with connected(board) as device:
+        (board.unplug_at_rate if reached else board.unplug)()
+        change = partial(device.set_baud, 1_000_000) if reached else device._transport.send_break
+        with pytest.raises(UnpluggedError, match="the port is gone"):
+            change()
+
+
+def test_a_rate_that_no_port_has_is_not_a_port_that_is_gone(device: Device) -> None:
+    with pytest.raises(LinkError, match="no rate of") as error:
+        device._transport.baud = 1 << 40
+    assert not isinstance(error.value, UnpluggedError)
+    device.ping()
 
 
 def test_unplugged_in_a_stream_ends_it(board: FakeBoard, device: Device) -> None:

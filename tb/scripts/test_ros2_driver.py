@@ -183,6 +183,17 @@ def test_a_board_that_is_lost_comes_back(
         until(lambda: len(sent(ros, "points")) > before)
 
 
+def test_a_board_that_is_lost_at_a_change_of_rate_comes_back(
+    ros: Ros, board: FakeBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vrscan_driver.node.RETRY_S", 0.1)
+    board.unplug_at_rate()
+    with running(ros, board, stream_baud=1_000_000):
+        until(lambda: any("the port is gone" in each for each in ros.node.said))
+        board.plug()
+        until(lambda: len(sent(ros, "points")) > 2)
+
+
 def test_lines_that_stand_still_are_told(ros: Ros, board: FakeBoard) -> None:
     board.file.values["line_enable"] = [0]
     with running(ros, board, timeout=0.4):

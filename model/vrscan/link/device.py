@@ -634,6 +634,8 @@ class Device(RegisterHost):
         try:
             transport.baud = rate
             self._settle()
+        except UnpluggedError:
+            raise
         except LinkError as error:
             transport.baud = before
             transport.send_break()

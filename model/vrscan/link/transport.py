@@ -3,6 +3,9 @@
 One thread reads. It gives a reply to the command that waits for it, by its sequence number, and a
 packet of a stream to the function that is registered for its kind. Everything that nobody waits for
 is counted.
+
+What a port raises depends on its kind: ``termios.error`` is no ``OSError``, a closed port makes a
+``TypeError``, and some URLs raise errors of their own. Whatever it is becomes a ``LinkError`` here.
 """
 
 import contextlib
@@ -28,6 +31,7 @@ POLL_S = 0.1  # period at which the reading thread checks whether to end
 ATTEMPTS = 4  # attempts of a repeatable command without an answer; more for bad frames
 BREAK_RATIO = 12  # a byte of zeros is then longer than a byte with its stop bit
 BREAK_S = 0.05  # time until a port has taken a byte
+GONE = {errno.EIO, errno.ENXIO, errno.ENODEV, errno.EBADF, errno.EPIPE, errno.ECONNRESET}
 
 Sink = Callable[[bytes], None]
 
@@ -135,7 +139,9 @@ class Transport:
         try:
             self._serial.flush()
             self._serial.baudrate = rate
-        except (OSError, ValueError, OverflowError) as error:
+        except Exception as error:
+            if _is_gone(error):
+                raise self._unplugged(error) from error
             raise LinkError(f"{self.port}: no rate of {rate} baud ({_reason(error)})") from error
 
     def send_break(self) -> None:
@@ -169,7 +175,7 @@ class Transport:
             self._serial.write(data)
         except SerialTimeoutException as error:
             raise NoAnswerError(f"{self.port}: takes no data for {self.timeout:g} s") from error
-        except (OSError, TypeError, ValueError) as error:  # the last two come from a closed port
+        except Exception as error:
             raise self._unplugged(error) from error
         self.traffic.bytes_out += len(data)
         self.traffic.last_out_s = time.monotonic()
@@ -323,32 +329,34 @@ def _opened(port: str, baud: int, timeout: float) -> "serial.Serial":
         return serial.serial_for_url(
             port, baud, timeout=POLL_S, write_timeout=timeout, exclusive=True
         )
-    except serial.SerialException as error:
-        if error.errno in (errno.EAGAIN, errno.EBUSY):
+    except Exception as error:
+        number = _number(error)
+        if number in (errno.EAGAIN, errno.EBUSY):
             raise LinkError(f"{port}: another program has this port open") from error
-        raise LinkError(f"{port}: cannot open ({_reason(error)})") from error
-    except _refusals() as error:
-        raise LinkError(f"{port}: cannot open at {baud} baud ({_reason(error)})") from error
+        at = "" if isinstance(error, serial.SerialException) else f" at {baud} baud"
+        raise LinkError(f"{port}: cannot open{at} ({_reason(error)})") from error
 
 
-def _refusals() -> tuple[type[Exception], ...]:
-    """Return what a port that cannot be opened so may raise."""
-    refusals = (OSError, ValueError, OverflowError)
-    try:
-        import termios
-    except ModuleNotFoundError:  # of Windows
-        return refusals
-    return (*refusals, termios.error)
+def _number(error: BaseException) -> int | None:
+    """Return the system's number of an error; pyserial has some of them in its texts alone."""
+    number = getattr(error, "errno", None)
+    if number is None and error.args and isinstance(error.args[0], int):
+        number = error.args[0]  # of termios.error, which is no OSError
+    if isinstance(number, int):
+        return number
+    found = re.search(r"\[Errno (\d+)\]|\((\d+), '", str(error))
+    return None if found is None else int(found[1] or found[2])
+
+
+def _is_gone(error: BaseException) -> bool:
+    """Return whether a change of rate failed because the port is gone, not because of the rate."""
+    number = _number(error)
+    if number is None:  # a rate is refused by a ValueError, a closed port shows in other errors
+        return not isinstance(error, (ValueError, OverflowError))
+    return number in GONE
 
 
 def _reason(error: BaseException) -> str:
     """Return the system's text of an error, without the text that pyserial adds."""
-    number = getattr(error, "errno", None)
-    if number is None and error.args and isinstance(error.args[0], int):
-        number = error.args[0]
-    if isinstance(number, int):
-        return os.strerror(number)
-    found = re.search(r"\[Errno (\d+)\]|\((\d+), '", str(error))
-    if found is not None:
-        return os.strerror(int(found[1] or found[2]))
-    return str(error) or type(error).__name__
+    number = _number(error)
+    return (str(error) or type(error).__name__) if number is None else os.strerror(number)
