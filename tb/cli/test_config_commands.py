@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from vrscan.cli.app import app
+from vrscan.data.boards import SHIPPED, with_clock
 from vrscan.data.config import load
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import Registers
@@ -60,6 +61,11 @@ def test_what_is_not_given_is_asked_for(tmp_path: Path) -> None:
     result = new(file, base_mm=None, answers="90\n")
     assert result.exit_code == 0, result.output
     assert load(file).geometry.base_mm == 90.0
+    result = new(file, clock_mhz=None, rate_hz=None, line_length="2048", answers="\n\n")
+    assert result.exit_code == 0, result.output  # a clock that a board has, and a rate that fits
+    made = load(file)
+    assert with_clock(made.clock.frequency_hz) is SHIPPED
+    assert 0.999 < made.line.rate_hz / made.most_lines_hz <= 1.0
     silent = new(tmp_path / "none.toml", base_mm=None)
     assert str(silent.exception) == "--base-mm: neither given nor answered"
 

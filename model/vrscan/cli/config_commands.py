@@ -1,5 +1,6 @@
 """The commands ``vrscan config`` and ``vrscan new``: a configuration as text, and another one."""
 
+import math
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +9,7 @@ import typer
 
 from vrscan.cli.progress import console as _console
 from vrscan.data import config as configuration
+from vrscan.data.boards import SHIPPED
 from vrscan.data.config import UNITS_MM, Config, Geometry, checked
 from vrscan.data.config_text import text
 from vrscan.data.errors import InputError
@@ -70,10 +72,14 @@ def new(
     length = _asked("--line-length", "pixels of the sensor", line_length, sensor.line_length)
     pitch = _asked("--pitch-um", "pitch of the pixels, um", pitch_um, 1e3 * geometry.pitch_mm)
     bits = _asked("--pixel-width", "bits of a pixel", pixel_width, sensor.pixel_width)
-    rate = _asked("--rate-hz", "lines in a second", rate_hz, usual.line.rate_hz)
-    clock = _asked(
-        "--clock-mhz", "the FPGA's clock, MHz", clock_mhz, 1e-6 * usual.clock.frequency_hz
-    )
+    of_board = f"the FPGA's clock, MHz; that of a {SHIPPED.title}"
+    clock = _asked("--clock-mhz", of_board, clock_mhz, 1e-6 * SHIPPED.clock_hz)
+    clocked = {
+        "clock": usual.clock.model_copy(update={"frequency_hz": 1e6 * clock}),
+        "sensor": sensor.model_copy(update={"line_length": int(length)}),
+    }
+    most = math.floor(usual.model_copy(update=clocked).most_lines_hz)
+    rate = _asked("--rate-hz", "lines in a second", rate_hz, min(usual.line.rate_hz, most))
     for option, count in (("--line-length", length), ("--pixel-width", bits)):
         if count != int(count):
             raise InputError(f"{option} = {count:g}: not a whole number")

@@ -652,7 +652,7 @@ class Clock(Section):
     """The FPGA's clock."""
 
     frequency_hz: float = Field(default=125e6, ge=1e6, le=1e9)
-    """Frequency of the core."""
+    """Frequency of the core; that of each board is in ``vrscan.data.boards``, none has 125 MHz."""
 
 
 class Mems(Section):
@@ -762,24 +762,33 @@ class Config(Section):
             after.model_fields_set.discard(key)  # it follows in a copy, too
             self.__dict__[section] = after
 
-    def rate_complaint(self) -> str:
-        """Return what is wrong where a line comes before the one ahead of it is done, or "".
+    @property
+    def line_clks(self) -> int:
+        """Return the clocks from a line to the next at least: a pixel a clock, behind a gap."""
+        return max(self.sensor.line_length + BLANKING_CLKS, self.peak.period_clks)
 
-        A pixel comes in every clock, behind a gap. The lines follow the mirror, so the trim of its
-        frequency makes them faster.
+    @property
+    def most_lines_hz(self) -> float:
+        """Return the highest line rate at the clock.
+
+        The lines follow the mirror, so the trim of its frequency makes them faster.
         """
-        readout, chain = self.sensor.line_length + BLANKING_CLKS, self.peak.period_clks
-        clks = max(readout, chain)
         trim = self.mirror.trim_hz / self.mirror.frequency_hz
-        most = self.clock.frequency_hz / clks / (1.0 + trim)
-        if self.line.rate_hz > most:
-            what = "their readout" if readout >= chain else f'window = "{self.peak.window}"'
-            return (
-                f"line.rate_hz = {self.line.rate_hz:g}: {self.sensor.line_length} px at "
-                f"{1e-6 * self.clock.frequency_hz:g} MHz allow at most {math.floor(most)} Hz "
-                f"({what} takes {clks} clocks, and the mirror's trim adds {trim:.1%})"
-            )
-        return ""
+        return self.clock.frequency_hz / self.line_clks / (1.0 + trim)
+
+    def rate_complaint(self) -> str:
+        """Return what is wrong where a line comes before the one ahead of it is done, or ""."""
+        if self.line.rate_hz <= self.most_lines_hz:
+            return ""
+        slow = self.peak.period_clks > self.sensor.line_length + BLANKING_CLKS
+        what = f'window = "{self.peak.window}"' if slow else "their readout"
+        trim = self.mirror.trim_hz / self.mirror.frequency_hz
+        return (
+            f"line.rate_hz = {self.line.rate_hz:g}: {self.sensor.line_length} px at "
+            f"{1e-6 * self.clock.frequency_hz:g} MHz allow at most "
+            f"{math.floor(self.most_lines_hz)} Hz ({what} takes {self.line_clks} clocks, and the "
+            f"mirror's trim adds {trim:.1%})"
+        )
 
     @property
     def source(self) -> str:

@@ -29,12 +29,12 @@ from vrscan.scene.description import load
 from vrscan.scene.library import library
 from vrscan.scene.timeline import series
 
-CLOCK_HZ = 100e6  # clock of real boards, the default
+CLOCK_HZ = 100e6  # of a configuration that gives none: enough for the shipped line rate
 _START_S, _STOP_S = 60.0, 20.0  # longest time of a start and of an end
 
 
 def on_board(config: Config) -> Config:
-    """Return the configuration with the clock of real boards, unless it gives its own."""
+    """Return the configuration with the virtual board's clock, unless it gives its own."""
     if "frequency_hz" in config.clock.model_fields_set:
         return config
     clock = config.clock.model_copy(update={"frequency_hz": CLOCK_HZ})

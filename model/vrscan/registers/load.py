@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from vrscan.data.boards import with_clock
 from vrscan.data.config import Clock, Config
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import Registers
@@ -66,6 +67,9 @@ def on_build(config: Config, build: Build) -> Config:
     on_board = config.model_copy(update={"clock": clock, "mirror": mirror})
     complaint = on_board.rate_complaint()
     if complaint:
+        board = with_clock(build.clock_hz)
+        if board is not None:
+            complaint += f"; --config {board.preset} has a rate that a {board.title} takes"
         raise InputError(f"{config.source}: {complaint}")
     return on_board
 

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
+from vrscan.data import boards
 from vrscan.show.sheet import Column, Sheet, Value, listed, number, words
 from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.bench import cost, design, design_cost
@@ -24,9 +25,10 @@ STEPS, QUICK_STEPS = 256, 32  # positions of a spot within a pixel
 LINES, QUICK_LINES = 1000, 60  # lines with noise for each of the 20 spots
 SKEW_LINES, QUICK_SKEW_LINES = 800, 100  # lines for each height of a skewed spot
 WINDOW_PX = 32  # window for which clocks are stated
-BOARD_HZ = 100e6  # clock of the ULX3S
 DIGITS = 3  # to which errors are compared: what the tables show
 SHIPPED = Design()
+BOARD_HZ = boards.SHIPPED.clock_hz
+AT_CLOCK = f"{1e-6 * BOARD_HZ:.1f} MHz"
 SPOT = (2.0, 0.5)  # sigma in px and height of the spot whose error in noise is shown
 
 # Table: log2 of its length, bits of an entry, bits of a sine, bits of the phase.
@@ -317,7 +319,7 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
             "LUT and the like are of five parts, window, correlator, table, CORDIC and position, "
             "each synthesised alone with each width (synth_ecp5, LFE5U). Clocks are those from a "
             f"line's last pixel to its position for a window of {WINDOW_PX} px, lines/s the "
-            f"board's clock, {BOARD_HZ / 1e6:.0f} MHz, over them: no variant was placed."
+            f"board's clock, {AT_CLOCK}, over them: no variant was placed."
         ),
         _facts(order, found, own),
         Heading("design-series", "One width at a time"),
@@ -358,7 +360,7 @@ def _facts(order: Order, found: Found, own: Point) -> Table[Sequence[Value]]:
         ("LUT of correlator, table and CORDIC, each alone",
          sum(found(design_cost.cell(part, SHIPPED))["lut"] for part in parts)),
         ("LUT of the correlator as a whole", found(_whole())["lut"]),
-        (f"lines/s that {length} px allow at {BOARD_HZ / 1e6:.0f} MHz", BOARD_HZ / length),
+        (f"lines/s that {length} px allow at {AT_CLOCK}", BOARD_HZ / length),
         (f"MHz of the slowest shipped module, from {cost.TIMING}", fmax),
         ("lines/s of the shipped detector at that clock", fmax and 1e6 * fmax / own.clocks),
         *((f"1e-3 px rms that a converter of {bits} bits moves (8) by, without noise",
@@ -509,7 +511,7 @@ def _front_picture(points: Sequence[Point], own: Point) -> bytes:
             axes.locator_params("x", nbins=5)
             axes.set_ylabel(f"{FRONTS[mark][1]} error, 1e-3 px".replace("bound", "largest"))
             plain_log(axes, "y", _LEVELS)
-        axes.set_xlabel(f"lines/s at {BOARD_HZ / 1e6:.0f} MHz, window of {WINDOW_PX} px")
+        axes.set_xlabel(f"lines/s at {AT_CLOCK}, window of {WINDOW_PX} px")
         for bits, colour in _ANGLE_COLOURS.items():
             axes.plot([], [], "o", color=colour, markersize=4, label=f"angle {bits} bits")
         axes.plot(
