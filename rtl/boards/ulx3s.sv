@@ -1,6 +1,6 @@
 // ulx3s: vrscan on a ULX3S with an LFE5U-85F: clocks, pins and synchronisers.
 //
-// The core runs at 76.667 MHz from the PLL and the board's oscillator: 2,051 clocks for a line of
+// The core runs at 76.667 MHz from the PLL and the board's oscillator: at most 36,848 lines/s of
 // 2,048 pixels.  laser_guard runs from the chip's own oscillator: 310 MHz / 12, within a fifth.  The
 // index is sampled at both edges, 6.5 ns apart.
 // constraints/ulx3s.lpf has the pins; FIRE1 is the reset.  A sensor of fewer bits has the lower pins.

@@ -513,6 +513,34 @@ def bench_loops(
         _console().print(f"{path}: rewritten", highlight=False)
 
 
+@bench.command("choose")
+def bench_choose(
+    write: Annotated[
+        bool, typer.Option("--write", help="Rewrite docs/choice.png and docs/numbers.md's table.")
+    ] = False,
+    config: ConfigOption = None,
+) -> None:
+    """Measure the modes of the board and a PC's detectors: error on speckled scenes, lines/s."""
+    from vrscan.engines.tools import build_folder, repository_root
+    from vrscan.study.bench.bench_report import SEED
+    from vrscan.study.bench.cells import plain
+    from vrscan.study.bench.sections import choice_section as section
+
+    settings = _settings(config)
+    drawn = build_folder() / "choice.png"
+    for path in section.pages(repository_root()) if write else (drawn,):
+        check_writable(path)
+    with _bar("scenes", 1) as progress:
+        figures = section.ways({"config": plain(settings), "lines": section.LINES}, SEED)
+        progress(1)
+    ways = section.ranked(settings, figures)
+    _console().print(section.sheet(ways).terminal("Ways to a point"))
+    drawn.write_bytes(section.picture(ways))
+    _console().print(f"{drawn}: drawn", highlight=False)
+    for path in section.write(settings, figures, repository_root()) if write else ():
+        _console().print(f"{path}: rewritten", highlight=False)
+
+
 @bench.command("report")
 def bench_report(
     out: Annotated[
@@ -520,9 +548,7 @@ def bench_report(
     ] = None,
     quick: Annotated[
         bool,
-        typer.Option(
-            "--quick", help="Use a tenth of the lines, two scenes and no RTL; takes a minute."
-        ),
+        typer.Option("--quick", help="Use a tenth of the lines, two scenes and no RTL."),
     ] = False,
     scheduler: Annotated[
         str | None,

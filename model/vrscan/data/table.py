@@ -77,6 +77,11 @@ class Table:
         return np.asarray(height * (POWER_LIMIT / power))
 
     @property
+    def clear(self) -> Bools:
+        """Return which rows have a point without a flag [n]."""
+        return np.asarray(self.located & ~np.any(list(self.flags.values()), axis=0))
+
+    @property
     def places_mm(self) -> Floats:
         """Return x, y and z, of which x and z mean something where ``located`` [n, 3]."""
         return np.stack([self.x_mm, self.y_mm, self.z_mm], 1)

@@ -20,14 +20,16 @@ import pytest
 from run_command import ended
 
 from vrscan.cli import app as cli
-from vrscan.data.config import Config
-from vrscan.detectors.catalogue import detectors, rivals
+from vrscan.data.boards import SHIPPED
+from vrscan.data.config import Config, load
+from vrscan.detectors.catalogue import detector, detectors, rivals
 from vrscan.engines.tools import repository_root
 from vrscan.show.sheet import listed, number
 from vrscan.study.bench import bench_page as page
 from vrscan.study.bench import bench_report as report
 from vrscan.study.bench import cost, design_cost, detect, instrument
-from vrscan.study.bench.cells import Cell, Figures
+from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.sections import choice_section as choice
 from vrscan.study.bench.sections import compare_section as compare
 from vrscan.study.bench.sections import growth_section as growth
 from vrscan.study.bench.sections import instrument_section as whole
@@ -39,7 +41,14 @@ from vrscan.study.report.spot_lines import Spot, score, take
 
 ORDER = Order(Config(), 1, quick=True)
 # Others have own tests.
-OWN = (compare.SECTION, speckle.SECTION, sweeps.SECTION, whole.SECTION, growth.SECTION)
+OWN = (
+    choice.SECTION,
+    compare.SECTION,
+    speckle.SECTION,
+    sweeps.SECTION,
+    whole.SECTION,
+    growth.SECTION,
+)
 KEYS = [each.key for each in detectors()]
 BOUND, SPECKLED = 0.01, 0.03
 ZONES = ("near", "middle", "far")
@@ -102,6 +111,11 @@ def made_up(cell: Cell) -> Figures:
         for k, window in enumerate(instrument.WINDOWS):
             rates |= {f"fixed {window}": 1000.0 / (1 + k), f"ideal {window}": 500.0 / (1 + k)}
         return {"rates": rates, "lines": {"model": 9, "rtl": 0}, "missing": "no RTL"}
+    if cell.work == choice.WORK:
+        way = {"rms_mm": 0.3, "median_mm": 0.1, "lost": 0.01}
+        keys = {*choice.MODULES, *choice.PC}
+        return {"lines": 9, "rates": dict.fromkeys(choice.PC, 1234.0),
+                "errors": dict.fromkeys(keys, way)}  # fmt: skip
     assert cell.work == instrument.GROWTH
     # Time goes with the square of the length and the root of the number.
     rows = [
@@ -153,11 +167,7 @@ class Reader(HTMLParser):
 
 @pytest.fixture(scope="module")
 def parts() -> list[page.Part]:
-    cost.build_folder, kept = (lambda: Path("/nowhere")), cost.build_folder
-    try:
-        return [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in OWN]
-    finally:
-        cost.build_folder = kept
+    return [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in OWN]
 
 
 @pytest.fixture(scope="module")
@@ -217,24 +227,47 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
 ) -> None:
     assert read.rows["cost-parabola"][2] == f"{2.0 + KEYS.index('parabola'):.2f}"
     assert read.rows["cost-parabola"][4] == "no RTL"
-    assert read.rows["cost-one-pass"][4] == "run make timing"
-    (tmp_path / "timing").mkdir()
-    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain", "peak_refine",
-               "peak_fit")  # fmt: skip
-    rows = [f"{name},130.5,1,{100 + k},9,0,{0.5 * k},,x" for k, name in enumerate(modules)]
-    head = "module,fmax_mhz,seed,lut,ff,ebr,dsp,warnings,slowest_path"
-    (tmp_path / "timing" / "timing.csv").write_text("\n".join([head, *rows]) + "\n")
-    monkeypatch.setattr(cost, "build_folder", lambda: tmp_path)
-    shown = (compare.SECTION, whole.SECTION)
-    placed = [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in shown]
+    (tmp_path / "docs").mkdir()
+    page_file = tmp_path / cost.TIMING
+    monkeypatch.setattr(cost, "repository_root", lambda: tmp_path)
+    assert cost.timing() == {} and cost.cells_of(("peak_fit",)) is None
+    modules = ("peak_isolate", "phase_correlate", "peak_position", "peak_refine", "peak_fit")
+    rows = [f"| {name} | 130.5 | {100 + k} | 9 | 0 | {0.5 * k} |" for k, name in enumerate(modules)]
+    marks = "<!-- timing: begin -->", "| module | Fmax MHz | LUT |", *rows, "<!-- timing: end -->"
+    page_file.write_text("\n".join(marks))
+    placed = [page.Part("a", "a", compare.SECTION.blocks(ORDER, made_up))]
     found = Reader(page.page("", "", [], placed)).rows
     assert found["cost-one-pass"][4:] == ["303", "1.5"]
-    assert found["cost-two-pass"][4:] == ["407", "3.5"]
-    assert found["cost-fit"][4:] == ["512", "6"] and found["cost-fit"][3] == "3195"
+    assert found["cost-two-pass"][4:] == ["406", "3"]
+    assert found["cost-fit"][4:] == ["510", "5"] and found["cost-fit"][3] == "3195"
     assert int(found["cost-two-pass"][3]) > int(found["cost-one-pass"][3]) > 100
-    assert found["speed-hardware"][1] == f"{130.5e6 / 2048:,.0f}"
-    (tmp_path / "timing" / "timing.csv").write_text("damaged\n")
-    assert cost.timing() == {}
+    board = load(Path(SHIPPED.preset))
+    assert read.rows["speed-hardware"][1] == f"{math.floor(board.most_lines_hz):,}"
+
+
+def test_the_choice_has_every_mode_at_the_boards_rate_and_every_detector_at_its_own(
+    read: Reader,
+) -> None:
+    board = load(Path(SHIPPED.preset))
+    for name in choice.MODULES:
+        title = f"{choice.TITLES[name]}, {SHIPPED.title}"
+        row = read.rows[f"choice-{title.replace(' ', '-')}"]
+        own = instrument.with_window(board, name)
+        assert row[0] == title and row[4] == number(math.floor(own.most_lines_hz))
+        assert int(row[5]) == round(choice.latency_us(name, own))
+        assert int(row[6].replace(",", "")) == cost.cells_of(choice.MODULES[name])[0]
+    for key in choice.PC:
+        row = read.rows[f"choice-{detector(key).title.replace(' ', '-')},-PC"]
+        assert row[4:] == [number(1234.0), "-", "-"]
+
+
+def test_the_ways_err_as_the_scans_of_their_modes_do() -> None:
+    """The measured work, small: the fit is the best of the board's modes on speckled lines."""
+    found = choice.ways({"config": plain(Config()), "lines": 200}, 1)
+    errors = found["errors"]
+    assert set(errors) == {*choice.MODULES, *choice.PC} and set(found["rates"]) == set(choice.PC)
+    assert errors["fit"]["rms_mm"] < min(errors[key]["rms_mm"] for key in ("threshold", "two_pass"))
+    assert all(each["lost"] < 0.2 for each in errors.values()) and found["lines"] > 200
 
 
 def test_budget_takes_the_worst_zone_and_leaves_absent_effects_out(
@@ -254,7 +287,7 @@ def test_each_kind_of_window_has_its_error_its_reliability_and_its_speed(read: R
     found = read.rows["windows-default-fit"]
     assert found[1:] == ["fit", "0.03", "0.06", "0.09", "12.0 %", "15.00 %", "18.0 %", "21.00 %",
                          "24.00 %"]  # fmt: skip
-    assert read.rows["rates-two_pass"][1:] == ["0.02", "2048", "run make timing", "500", "250", "-"]
+    assert read.rows["rates-two_pass"][1:] == ["0.02", "2064", "36,848", "500", "250", "-"]
     assert instrument.with_window(ORDER.config, "fit").peak.fit
 
 

@@ -60,12 +60,12 @@ def of(points: int, within: int, **changes: int) -> Reliability:
 
 def test_scenes_add_up_and_a_headline_shows_all_of_them() -> None:
     found = {
-        "one": (of(100, 90), Space(200, 50, 0, 1)),
-        "two": (of(300, 150, astray=4), Space(400, 150, 2, 0)),
-        "none": (of(0, 0), Space(10, 0, 0, 0)),
+        "default": (of(100, 90), Space(200, 50, 0, 1), numbers.Rounding(0.0074, 7.7)),
+        "two": (of(300, 150, astray=4), Space(400, 150, 2, 0), numbers.Rounding(0.01, 9.0)),
+        "none": (of(0, 0), Space(10, 0, 0, 0), numbers.Rounding(math.nan, math.nan)),
     }
     figures = {each.name: each for each in numbers.scene_figures(found)}
-    assert figures["one, within 2 sigma, of normal errors 95.4"].measured == pytest.approx(90.0)
+    assert figures["default, within 2 sigma, of normal errors 95.4"].measured == pytest.approx(90.0)
     assert figures["all scenes, within 2 sigma"].measured == pytest.approx(60.0)
     assert figures["all scenes, astray"].measured == pytest.approx(1.0)
     assert figures["error over sigma, median of the scenes"].measured == pytest.approx(2.0)

@@ -1,7 +1,6 @@
 """The cost of a detector: lines/s of its float form here, clocks and cells of its RTL."""
 
-import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.detectors.catalogue import Detector, detectors
-from vrscan.engines.tools import build_folder
+from vrscan.engines.tools import repository_root
 from vrscan.ideal.statistics import statistics
 from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.bench.detect import source
@@ -18,7 +17,7 @@ from vrscan.study.bench.instrument import CHUNK, MAX_WINDOW, best, reference
 from vrscan.study.report.spot_lines import Spot, take
 
 WORK = "vrscan.study.bench.cost:software"
-TIMING = "make timing"  # writes the results of the place and route tools
+TIMING = "docs/numbers.md"  # whose table scripts/timing.py --write makes
 
 
 def software(parameters: dict[str, Any], seed: int) -> Figures:
@@ -57,9 +56,24 @@ def _whole(each: Detector, lines: Pixels, config: Config) -> None:
 
 
 def timing() -> dict[str, dict[str, str]]:
-    """Return the rows of ``make timing`` by module; none where it has not been run."""
-    try:
-        with (build_folder() / "timing" / "timing.csv").open(newline="") as file:
-            return {row["module"]: row for row in csv.DictReader(file)}
-    except (OSError, KeyError, csv.Error):
-        return {}
+    """Return the rows of the page's table of modules, placed and routed alone, by module.
+
+    Returns:
+        None where the package is installed without its pages.
+    """
+    page = repository_root() / TIMING
+    block = page.read_text().partition("<!-- timing: begin -->")[2] if page.exists() else ""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()]
+    names = ("module", "fmax_mhz", "lut", "ff", "ebr", "dsp")
+    return {row[0]: dict(zip(names, row, strict=True)) for row in rows if len(row) == len(names)}
+
+
+def cells_of(modules: Sequence[str]) -> tuple[int, float] | None:
+    """Return LUT and DSP of RTL modules, None where the page does not have all of them."""
+    placed = timing()
+    if not modules or any(name not in placed for name in modules):
+        return None
+    return (
+        sum(int(placed[name]["lut"]) for name in modules),
+        sum(float(placed[name]["dsp"]) for name in modules),
+    )

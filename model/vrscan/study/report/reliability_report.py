@@ -44,7 +44,7 @@ class Reliability:
     @classmethod
     def of(cls, points: Table, truth: Truth) -> "Reliability":
         """Count some points."""
-        rows = points.located & ~np.any(list(points.flags.values()), axis=0)
+        rows = points.clear
         with np.errstate(invalid="ignore"):
             good = rows & (np.abs(points.position_px - truth.position_px) <= ASTRAY_PX)
         error = np.abs(points.z_mm - truth.z_mm)[good]

@@ -4,6 +4,7 @@ A section module has ``SECTION``; ``ALL`` lists them in their order on the page.
 module in this folder and put its ``SECTION`` here.
 """
 
+from vrscan.study.bench.sections import choice_section as choice
 from vrscan.study.bench.sections import compare_section as compare
 from vrscan.study.bench.sections import design_space_section as design_space
 from vrscan.study.bench.sections import growth_section as growth
@@ -13,6 +14,7 @@ from vrscan.study.bench.sections import sweeps_section as sweeps
 from vrscan.study.bench.sections.section import Section
 
 ALL: tuple[Section, ...] = (
+    choice.SECTION,
     compare.SECTION,
     speckle.SECTION,
     sweeps.SECTION,

@@ -10,11 +10,10 @@ from vrscan.data.arrays import Floats
 from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.fixed import peak_fit, peak_position, peak_refine, phase_correlate
 from vrscan.show.sheet import Column, Sheet, listed, number, words
-from vrscan.show.style import DECADES, INK, drawing, plain_log
 from vrscan.study.bench import cost, detect
-from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text
+from vrscan.study.bench.bench_page import Block, Heading, Table, Text
 from vrscan.study.bench.cells import Cell, Figures
-from vrscan.study.bench.sections.section import Found, Order, Section, is_own, look, png
+from vrscan.study.bench.sections.section import Found, Order, Section, is_own
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 from vrscan.study.report.spot_lines import mean_square
 
@@ -77,13 +76,6 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
         _map(shown, order, found),
         Heading("cost", "What each costs"),
         _costs(order, shown, speed, mean),
-        Picture(
-            "speed-error",
-            _picture(shown, speed["rates"], mean),
-            "Lines a second of the software on one core, over rms error in units of the bound, "
-            "geometric mean over the 20 spots. Left is better, higher is faster; the dashed line "
-            "is the bound.",
-        ),
     ]
 
 
@@ -167,17 +159,6 @@ def _map(shown: Sequence[Detector], order: Order, found: Found) -> Table[tuple[D
     )
 
 
-def _cells_of(modules: Sequence[str]) -> tuple[int, float] | None:
-    """Return LUT and DSP of RTL modules, None where the tools have not been run on all of them."""
-    placed = cost.timing()
-    if not modules or any(name not in placed for name in modules):
-        return None
-    return (
-        sum(int(placed[name]["lut"]) for name in modules),
-        sum(float(placed[name]["dsp"]) for name in modules),
-    )
-
-
 def _clocks(each: Detector) -> int | None:
     """Return the clocks from a window's last pixel to the position, None without RTL."""
     if not each.modules:
@@ -200,10 +181,10 @@ def _costs(
         return float(rates[each.key if each else "reference"])
 
     def cells_of(k: int) -> Callable[[Detector | None], int | float | None]:
-        return lambda each: (_cells_of(each.modules) or (None, None))[k] if each else None
+        return lambda each: (cost.cells_of(each.modules) or (None, None))[k] if each else None
 
     def unknown(each: Detector | None) -> str:
-        return "" if each is None else f"run {cost.TIMING}" if each.modules else "no RTL"
+        return "" if each is None else f"not in {cost.TIMING}" if each.modules else "no RTL"
 
     columns: list[Column[Detector | None]] = [
         words("detector", lambda each: each.title if each else "statistics alone"),
@@ -232,29 +213,6 @@ def _costs(
         key=lambda each: f"cost-{each.key if each else 'reference'}",
         bold=lambda each: each is not None and is_own(each.key, order.config),
     )
-
-
-def _picture(shown: Sequence[Detector], rates: dict[str, float], mean: dict[str, float]) -> bytes:
-    with drawing(9.4, 4.6) as figure:
-        axes = figure.subplots()
-        for each in shown:
-            how, off = look(each.key), mean[each.key] ** -0.5
-            axes.plot(
-                off, rates[each.key], how.marker, color=how.colour, markersize=8, label=each.title
-            )
-        axes.axvline(1.0, color=INK, linewidth=1.1, linestyle=(0, (4, 2)))
-        axes.set(xscale="log", yscale="log")
-        low, high = axes.get_xlim()
-        axes.set_xlim(min(low, 0.95), 1.5 * high)
-        plain_log(axes, "x", (1.0, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0))
-        plain_log(axes, "y", DECADES, "{:,.0f}")
-        axes.set(
-            xlabel="rms error over the Cramér-Rao bound, geometric mean of 20 spots",
-            ylabel="lines/s, one core",
-            title="Speed against error",
-        )
-        figure.legend(loc="outside right center", fontsize=8)
-        return png(figure)
 
 
 SECTION = Section("detectors", "Detectors side by side", cells, blocks)

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -10,12 +11,13 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period
+from vrscan.data.boards import SHIPPED
+from vrscan.data.config import Clock
 from vrscan.scene.description import shipped
 from vrscan.scene.effects import EFFECTS
 from vrscan.show.sheet import Column, Sheet, listed, number, words
 from vrscan.show.style import INK, drawing
-from vrscan.study.bench import cost, instrument
+from vrscan.study.bench import instrument
 from vrscan.study.bench.bench_page import (
     Attachment,
     Block,
@@ -221,15 +223,11 @@ def _windows(order: Order, budgets: dict[str, Figures]) -> Table[tuple[str, str]
 
 def _rates(order: Order, speed: Figures, default: Figures) -> Table[str]:
     """Return speed against error of each kind of window."""
-    rates, length = speed["rates"], order.config.sensor.line_length
+    rates = speed["rates"]
+    own = {name: instrument.with_window(order.config, name) for name in instrument.WINDOWS}
 
-    def clocks(window: str) -> int:
-        two_pass, fit = window == "two_pass", window == "fit"
-        return max(length, min_period(length, MAX_WINDOW, two_pass=two_pass, fit=fit))
-
-    def hardware(window: str) -> float | None:
-        rate = _hardware(order)[1]
-        return rate and rate * length / clocks(window)
+    def hardware(window: str) -> int:
+        return _hardware(Order(own[window], order.seed, order.quick))[1]
 
     def rate(engine: str) -> Column[str]:
         titles = {
@@ -246,9 +244,8 @@ def _rates(order: Order, speed: Figures, default: Figures) -> Table[str]:
         words("window", lambda window: window, name="window"),
         Column("error,\nrms px", lambda w: default["windows"][w]["error_px"], number,
                name="error_px"),
-        Column("clocks\na line", clocks, name="clocks"),
-        Column("\nhardware", hardware, number, name="hardware_per_s",
-               absent=f"run {cost.TIMING}"),
+        Column("clocks\na line", lambda window: own[window].line_clks, name="clocks"),
+        Column(f"\n{SHIPPED.title}", hardware, number, name="hardware_per_s"),
         *map(rate, ("fixed", "ideal", "rtl")),
     ]  # fmt: skip
     return Table(
@@ -290,13 +287,12 @@ def _picture(parts: Worst) -> bytes:
         return png(figure)
 
 
-def _hardware(order: Order) -> tuple[str, float | None]:
-    """Return a word and the lines/s of the chain from its place and route."""
-    placed, length = cost.timing(), order.config.sensor.line_length
-    if "vrscan_chain" not in placed:
-        return f"run {cost.TIMING}", None
-    fmax = float(placed["vrscan_chain"]["fmax_mhz"])
-    return f"{fmax:g} MHz, {length} clocks a line", 1e6 * fmax / length
+def _hardware(order: Order) -> tuple[str, int]:
+    """Return a word and the lines/s of the board, whose routed design meets its clock."""
+    clock = Clock(frequency_hz=SHIPPED.clock_hz)
+    board = order.config.model_copy(update={"clock": clock})
+    clocks = f"{1e-6 * SHIPPED.clock_hz:.2f} MHz, {board.line_clks} clocks a line"
+    return f"{SHIPPED.title}, {clocks}", math.floor(board.most_lines_hz)
 
 
 @dataclass(frozen=True)

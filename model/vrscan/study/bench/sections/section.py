@@ -12,6 +12,7 @@ from vrscan.show.style import COLOURS, INK, QUIET
 from vrscan.study.bench.bench_page import Block
 from vrscan.study.bench.cells import Cell, Figures, plain
 
+KEYS = {"threshold": "one-pass", "two_pass": "two-pass", "fit": "fit"}  # of the modes' detectors
 Found = Callable[[Cell], Figures]  # the figures of a cell that the section has asked for
 
 BOUND: dict[str, Any] = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.1, "zorder": 5}
@@ -107,8 +108,7 @@ def look(key: str) -> Look:
 
 def is_own(key: str, config: Config) -> bool:
     """Return whether a detector is that of a configuration."""
-    names = {"threshold": "one-pass", "two_pass": "two-pass", "fit": "fit"}
-    return key == names[config.peak.window]
+    return key == KEYS[config.peak.window]
 
 
 def png(figure: Figure) -> bytes:
