@@ -27,16 +27,16 @@ def paper() -> tuple[Outlook, Outlook]:
     return first, second
 
 
-def test_measurement_follows_from_the_printed_errors() -> None:
+def test_reference_follows_from_the_printed_errors() -> None:
     """B of the direct sun is too small by the printed error at the nearest range."""
     for outlook, error in zip(paper(), DIRECT_ERRORS, strict=True):
         direct = 1.0 + SIGNAL / (DIRECT_W_M2 * PER_SUN)
         measured = direct / (1.0 - error)
         implied = SIGNAL / ((measured - 1.0) * PER_SUN)
         print(f"\nerror {error}: B {direct:.4f} for {measured:.4f}, {implied:.1f} W/m2")
-        assert outlook.moment.measured_w_m2 == pytest.approx(implied, abs=1.0)
+        assert outlook.moment.inferred_w_m2 == pytest.approx(implied, abs=1.0)
         assert outlook.direct_sun[0] == pytest.approx(direct, rel=1e-4)
-        found = np.abs(outlook.direct_sun / outlook.measured - 1.0)
+        found = np.abs(outlook.direct_sun / outlook.reference - 1.0)
         assert found.max() == pytest.approx(error, abs=1e-3)
         assert found.argmax() == 0
         # The other sign would need more light than the sun gives outside the atmosphere.
@@ -46,7 +46,7 @@ def test_measurement_follows_from_the_printed_errors() -> None:
 
 def test_errors_are_below_the_papers_own() -> None:
     for outlook, error in zip(paper(), OWN_ERRORS, strict=True):
-        found = outlook.model / outlook.measured - 1.0
+        found = outlook.model / outlook.reference - 1.0
         print(f"\n{outlook.moment.time:%H:%M}: {100 * found} %, the paper's up to {100 * error} %")
         assert np.abs(found).max() < error
         assert outlook.moment.published_error == error
@@ -59,7 +59,7 @@ def test_ground_of_grass_gives_what_the_shade_lacks() -> None:
     printed = Site(sun=Sun(linke_turbidity=4.93, albedo=0.2), moment=list(load(None).moments))
     _, dark = (Outlook(printed, moment) for moment in printed.moments)
     print(
-        f"\nin shade: albedo 0.2 {dark.sun_w_m2:.0f}, 0.4 {shade.sun_w_m2:.0f}, measured 201 W/m2"
+        f"\nin shade: albedo 0.2 {dark.sun_w_m2:.0f}, 0.4 {shade.sun_w_m2:.0f}, inferred 201 W/m2"
     )
     assert dark.sun_w_m2 == pytest.approx(138.0, abs=2.0)
     assert shade.sun_w_m2 == pytest.approx(201.0, rel=0.12)
@@ -159,7 +159,7 @@ def test_own_site_starts_from_nothing_of_the_papers_light(tmp_path: Path) -> Non
     assert site.filter.glass.ratio == pytest.approx(0.02754, abs=1e-5)
     assert site.moments == (Moment(time=site.sun.time),)
     found = Outlook(site, site.moments[0])
-    assert np.isnan(found.measured).all()
+    assert np.isnan(found.reference).all()
     assert found.sun_w_m2 > 300.0
 
 

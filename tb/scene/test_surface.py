@@ -2,6 +2,8 @@
 
 import math
 import warnings
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +11,11 @@ from k_correlation import bsdf_k
 from pydantic import ValidationError
 
 from vrscan.data.arrays import Floats
-from vrscan.scene.surface import Material, brdf, tis
+from vrscan.data.config import Config
+from vrscan.scene.description import parse
+from vrscan.scene.light import Light
+from vrscan.scene.stray import Polish, Stray
+from vrscan.scene.surface import Material, brdf, effective_roughness, tis, tis_of
 
 # Table 1 of the METIS paper, with lambda_0 in um as it must be: sigma nm, dn, B mm, s, and TIS by
 # hand from (3).
@@ -172,6 +178,79 @@ def test_table_1_gives_its_scatter(name: str) -> None:
     measured = float(np.trapezoid(2.0 * math.pi * beta**2 * value, log_beta))
     print(f"\n{name}: TIS {whole:.4e}, BSDF integrates to {measured / 0.8:.4e}")
     assert measured == pytest.approx(0.8 * whole, rel=1e-5)
+
+
+@pytest.mark.parametrize("slope", [1.5, 2.0, 2.0 + 1e-9, 2.2, 6.04])
+@pytest.mark.parametrize("wavelength_nm", [405.0, 1050.0])
+def test_roughness_at_another_wavelength_is_the_spectrum_up_to_there(
+    slope: float, wavelength_nm: float
+) -> None:
+    """Metis (4), (5): the spectrum of (1) over spatial frequency does not know the wavelength.
+
+    (1) is 16 pi^2 / lambda^4 times that spectrum for a mirror, at the frequency beta / lambda.
+    """
+    length_um, measured_nm = 125.0, 658.0
+
+    def spectrum(sigma_nm: float, light_nm: float, per_um: Floats) -> Floats:
+        beta = per_um * 1e-3 * light_nm
+        bsdf = bsdf_k(
+            beta, 1.0, 1.0,
+            sigma_nm=sigma_nm, wavelength_nm=light_nm, length_um=length_um, slope=slope,
+        )  # fmt: skip
+        return np.asarray(bsdf * light_nm**4 / (16.0 * math.pi**2))
+
+    found = effective_roughness(10.0, wavelength_nm, measured_nm, length_um=length_um, slope=slope)
+    per_um = np.geomspace(1e-4, 0.9, 7)
+    np.testing.assert_allclose(
+        spectrum(found, wavelength_nm, per_um),
+        spectrum(10.0, measured_nm, per_um),
+        rtol=1e-5,  # as printed, (1) cancels next to slope 2
+    )
+    # Its power up to 1 / wavelength, by quadrature, is the square of the roughness.
+    log = np.linspace(math.log(1e-7), math.log(1e3 / wavelength_nm), 100_001)
+    per_um = np.exp(log)
+    power = 2.0 * math.pi * per_um**2 * spectrum(10.0, measured_nm, per_um) * 1e-6
+    assert found**2 == pytest.approx(float(np.trapezoid(power, log)), rel=1e-5)
+    shorter = wavelength_nm < measured_nm
+    assert found > 10.0 if shorter else found < 10.0
+
+
+def test_a_scene_of_another_wavelength_scatters_by_its_own_roughness() -> None:
+    """A glossy part, the camera's glass and the scan head's mirror, each with its B and s."""
+    material = {"gloss": 0.8, "roughness_nm": 20.0, "surface_wave_um": 1.0, "slope": 1.6}
+    stray = Stray(enabled=["lens", "mirror", "halo"], polish=Polish(length_mm=0.003, slope=1.7))
+    values = {
+        "laser": {"wavelength_nm": 850.0},
+        "lens": {"filter_nm": [840, 860]},
+        "stray": stray.model_dump(),
+        "material": {"steel": {"reflectance": 0.1, **material}},
+        "target": [{"kind": "plane", "position_mm": [0, 0, 400], "material": "steel"}],
+    }
+    light = Light(parse(values, "infrared", Path()), Config())
+
+    def sigma(measured: float, length_um: float, slope: float) -> float:
+        """Metis (4) as (1) has it: with minus signs."""
+
+        def bracket(wavelength_um: float) -> float:
+            return 1.0 - (1.0 + (length_um / wavelength_um) ** 2) ** (1.0 - slope / 2.0)
+
+        return measured * math.sqrt(bracket(0.85) / bracket(0.658))
+
+    part = sigma(20.0, 2.0 * math.pi, 1.6)
+    glass, mirror = sigma(2.0, 3.0, 1.7), sigma(2.5, 3.0, 1.7)
+    print(f"\n20 nm at 658 nm are {part:.3f} at 850 nm, 2 nm {glass:.3f}, 2.5 nm {mirror:.3f}")
+    assert part < 19.0 and glass < 1.95
+    assert tis_of(light.scene.material["steel"], 850.0) == pytest.approx(
+        (4.0 * math.pi * part / 850.0) ** 2, rel=1e-9
+    )
+    media = [1.0, *light.scene.stray.lens.index, 1.0]
+    steps = sum((b - a) ** 2 for a, b in pairwise(media))
+    assert light.scatter.total == pytest.approx(
+        -math.expm1(-steps * (2.0 * math.pi * glass / 850.0) ** 2), rel=1e-9
+    )
+    assert light.emitter.total == pytest.approx(
+        -math.expm1(-((4.0 * math.pi * mirror / 850.0) ** 2)), rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("slope", [1.5, 2.0, 2.0 + 1e-9, 2.2, 2.6])

@@ -4,7 +4,7 @@ import numpy as np
 
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.light import Light
-from vrscan.scene.surface import tis
+from vrscan.scene.surface import tis_of
 
 
 def doubts(light: Light) -> list[str]:
@@ -32,7 +32,7 @@ def _of_materials(light: Light) -> list[str]:
             found.append(
                 f"material.{name}.reflectance = 0, without gloss: it sends nothing to the camera"
             )
-        scatter = float(tis(material.roughness_nm or 0.0, scene.laser.wavelength_nm))
+        scatter = tis_of(material, scene.laser.wavelength_nm)
         if material.gloss > 0.0 and scatter > 1.0:
             found.append(
                 f"material.{name}.roughness_nm = {material.roughness_nm:g}: a smooth surface would "

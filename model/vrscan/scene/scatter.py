@@ -1,6 +1,6 @@
 """Scatter of polished surfaces, and of dust, digs and scratches on them.
 
-Roughness scatters by K-correlation, metis (1) to (3), after Dittman, Proc. SPIE 6291 (2006). What
+Roughness scatters by K-correlation, metis (1) to (5), after Dittman, Proc. SPIE 6291 (2006). What
 lies on a surface and is large against the wavelength takes twice its area from a beam (Babinet; the
 extinction paradox of Mie's theory): once as a shadow, ``stray.obscured_share``, and once by
 diffraction into a lobe about the beam. The lobe of a disc is Airy's, that of a scratch the slit's;
@@ -23,7 +23,7 @@ from scipy.special import erf, j0, j1, sici
 
 from vrscan.data.arrays import Floats
 from vrscan.scene.stray import Polish, Stray, covered_share, particles, pupil_faces, soiled
-from vrscan.scene.surface import MIRROR_STEP, tis
+from vrscan.scene.surface import MIRROR_STEP, effective_roughness, tis
 
 MOST_SCATTERED = 0.5  # share of the light above which single scatter describes no instrument
 CAUSES = ("roughness", "dust", "digs", "scratches")
@@ -284,9 +284,17 @@ def _polished(
     """Return the scatter by roughness of faces, given as changes of the index and levers."""
     if "halo" not in stray.enabled or roughness_nm == 0.0:
         return []
+    polish = stray.polish
+    sigma_nm = effective_roughness(
+        roughness_nm,
+        wavelength_nm,
+        polish.roughness_at_nm,
+        length_um=1e3 * polish.length_mm,
+        slope=polish.slope,
+    )
     depth: dict[float, float] = {}
     for step, lever in faces:
-        depth[lever] = depth.get(lever, 0.0) + float(tis(roughness_nm, wavelength_nm, step))
+        depth[lever] = depth.get(lever, 0.0) + float(tis(sigma_nm, wavelength_nm, step))
     lobe = partial(rough_within, polish=stray.polish, wavelength_nm=wavelength_nm)
     return [Scatterer("roughness", each, lever, lobe) for lever, each in depth.items()]
 

@@ -103,30 +103,43 @@ class Moment(Section):
     """A time, ``[[moment]]``, and whether something stands between sun and wall.
 
     ``measured_w_m2`` is the irradiance of the wall, over the full spectrum, that a measurement
-    says; ``published_error`` is the largest error that others state for a model of their own.
+    says; ``inferred_w_m2`` is what others' errors say that it was. ``published_error`` is the
+    largest error that others state for a model of their own.
     """
 
     time: Time
     shaded: bool = False
     measured_w_m2: Irradiance | None = Field(default=None, gt=0)
+    inferred_w_m2: Irradiance | None = Field(default=None, gt=0)
     published_error: float | None = Field(default=None, ge=0)
 
+    @model_validator(mode="after")
+    def _one_reference(self) -> "Moment":
+        if self.measured_w_m2 is not None and self.inferred_w_m2 is not None:
+            raise ValueError("measured_w_m2 and inferred_w_m2: a wall has one of the two")
+        return self
 
-# The paper prints errors, not its measured ratios. Its model of the direct sun alone takes the
-# 900 W/m2 of ASTM G173 at both times, and is wrong by up to 26.7 and 56.9 %. An error of the sun's
-# light is largest at the nearest range. There the model has B = 1.61, so the measurement has 2.20
-# and 3.74, which is what 459 and 201 W/m2 give. (Were the model's B the larger one, the wall would
-# have 2,000 and 20,000 W/m2, more than the sun gives outside the atmosphere.)
+    @property
+    def reference_w_m2(self) -> float | None:
+        """Return the irradiance that a model is compared with, measured or inferred."""
+        return self.inferred_w_m2 if self.measured_w_m2 is None else self.measured_w_m2
+
+
+# The paper prints errors, not what it measured, so its walls are inferred. Its model of the direct
+# sun alone takes the 900 W/m2 of ASTM G173 at both times, and is wrong by up to 26.7 and 56.9 %. An
+# error of the sun's light is largest at the nearest range. There the model has B = 1.61, so the
+# wall has 2.20 and 3.74, which is what 459 and 201 W/m2 give. (Were the model's B the larger one,
+# the wall would have 2,000 and 20,000 W/m2, more than the sun gives outside the atmosphere.)
 _PAPER_MOMENTS = (
     Moment(
         time=datetime.fromisoformat("2015-06-24T12:30:00+08:00"),
-        measured_w_m2=459.0,
+        inferred_w_m2=459.0,
         published_error=0.14,
     ),
     Moment(
         time=datetime.fromisoformat("2015-06-24T14:30:00+08:00"),
         shaded=True,
-        measured_w_m2=201.0,
+        inferred_w_m2=201.0,
         published_error=0.136,
     ),
 )
@@ -245,9 +258,9 @@ class Outlook:
         return self.ratio(self.direct_sun_w_m2)
 
     @property
-    def measured(self) -> Floats:
-        """B that the measured irradiance gives; NaN without one."""
-        known = self.moment.measured_w_m2
+    def reference(self) -> Floats:
+        """B that the measured or inferred irradiance gives; NaN without one."""
+        known = self.moment.reference_w_m2
         return np.full(len(self.site.range_mm), np.nan) if known is None else self.ratio(known)
 
     @property

@@ -17,6 +17,7 @@ from scipy.special import erf
 
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Positive, Section
+from vrscan.scene.surface import WAVELENGTH_NM, Wavelength
 
 Part = Literal[
     "window", "filter", "lens", "cover", "sensor", "mirror", "head_window", "halo", "dust"
@@ -118,7 +119,7 @@ class Mirror(Section):
     its mirrors.
     """
 
-    roughness_nm: float = Field(default=2.5, ge=0, le=50)  # rms; B and s are those of [polish]
+    roughness_nm: float = Field(default=2.5, ge=0, le=50)  # rms; all else is that of [polish]
 
 
 class Polish(Section):
@@ -131,6 +132,7 @@ class Polish(Section):
     """
 
     roughness_nm: float = Field(default=2.0, ge=0, le=50)  # rms roughness
+    roughness_at_nm: Wavelength = WAVELENGTH_NM  # light with which it was measured
     length_mm: float = Field(default=0.2, gt=0, le=1e5)  # B, 2 pi times the typical wavelength
     slope: float = Field(default=2.0, gt=0, le=10)  # s
 
@@ -248,8 +250,9 @@ def particles(level: float, size_um: Floats | float) -> Floats:
     """Return the number of particles of at least ``size_um`` on a square foot, MIL-STD-1246C.
 
     log10 N = 0.926 (log10^2 level - log10^2 size): the level is the size of which there is one.
-    Of metis Table 3 only the row of the vortex mask agrees with this; the others state 9.3 times
-    fewer particles than their level has on 0.1 m^2, as if counted on a tenth of that.
+    Of metis Table 3, per 0.1 m^2, only the row of the vortex mask agrees with this (a square foot
+    is 0.093 m^2). The detector's states 2.4 times fewer particles than its level has, the other six
+    9.6 to 10.1 times fewer, as if they were counted on a tenth of that area.
 
     Args:
         level: Level of cleanliness, um.

@@ -21,6 +21,8 @@ from vrscan.scene.shapes import dot
 MIRROR_STEP = 2.0  # change of the refractive index, dn, that stands for a reflection
 WAVELENGTH_NM = 658.0
 
+Wavelength = Annotated[float, Field(ge=100, le=20_000)]
+
 
 class Material(Section):
     """The material of a target, one table ``[material.NAME]`` of a scene.
@@ -37,7 +39,8 @@ class Material(Section):
     reflectance: float = Field(default=0.3, ge=0, le=1)  # diffuse reflectance, Lambert
     gloss: float = Field(default=0.0, ge=0, le=1)  # share of the light in the lobe
     lobe_deg: float = Field(default=8.0, gt=0, le=60)
-    roughness_nm: float | None = Field(default=None, ge=0, le=1000)  # rms, up to 1/wavelength
+    roughness_nm: float | None = Field(default=None, ge=0, le=1000)  # rms, up to 1/roughness_at_nm
+    roughness_at_nm: Wavelength = WAVELENGTH_NM  # light with which the roughness was measured
     surface_wave_um: Annotated[float, Field(gt=0, le=1e6)] = 20.0  # typical wavelength of roughness
     slope: float = Field(default=2.2, gt=0, le=20)  # slope of the scatter at high spatial frequency
     looks: float | None = Field(default=None, ge=1, le=1000)
@@ -151,13 +154,44 @@ def _gauss(square: Floats, lobe_deg: float, acceptance_rad: Floats | float) -> F
 @lru_cache(maxsize=64)
 def _polish(material: Material, wavelength_nm: float) -> tuple[float, float]:
     """Return the scattered share of the gloss and the factor of its lobe's shape."""
-    sigma_nm = material.roughness_nm or 0.0
-    whole = float(tis(sigma_nm, wavelength_nm))
+    whole = tis_of(material, wavelength_nm)
     if whole == 0.0:
         return 0.0, 0.0
     share = -math.expm1(-whole)
     length_um = 2.0 * math.pi * material.surface_wave_um
-    return share, share / whole * _k_peak(sigma_nm, wavelength_nm, length_um, material.slope)
+    return share, share * _k_peak(wavelength_nm, length_um, material.slope)
+
+
+def tis_of(material: Material, wavelength_nm: float) -> float:
+    """Return the total integrated scatter of a polished part's roughness, over its gloss."""
+    sigma_nm = effective_roughness(
+        material.roughness_nm or 0.0,
+        wavelength_nm,
+        material.roughness_at_nm,
+        length_um=2.0 * math.pi * material.surface_wave_um,
+        slope=material.slope,
+    )
+    return float(tis(sigma_nm, wavelength_nm))
+
+
+def effective_roughness(
+    sigma_nm: float, wavelength_nm: float, measured_nm: float, *, length_um: float, slope: float
+) -> float:
+    """Return the rms roughness that scatters light of one wavelength, measured at another.
+
+    Metis (4), and (5) at slope 2: only spatial frequencies below 1 / wavelength scatter, so the
+    squares are as the power of the K-correlation spectrum up to there. (4) is printed with plus
+    signs in its brackets; the power is that of (1), with minus signs.
+
+    Args:
+        sigma_nm: Rms roughness over spatial frequencies from 0 to 1 / ``measured_nm``.
+        wavelength_nm: Wavelength of the light.
+        measured_nm: Wavelength at which the roughness was measured.
+        length_um: B, 2 pi times the typical wavelength of the surface.
+        slope: Slope s of the scatter at high spatial frequencies.
+    """
+    power, measured = (_k_band(length_um, each, slope) for each in (wavelength_nm, measured_nm))
+    return sigma_nm * math.sqrt(power / measured)
 
 
 def tis(
@@ -185,11 +219,10 @@ def _k_band(length_um: float, wavelength_nm: float, slope: float) -> float:
     return log if exponent == 0.0 else log * math.expm1(exponent) / exponent
 
 
-def _k_peak(sigma_nm: float, wavelength_nm: float, length_um: float, slope: float) -> float:
-    """Return a mirror's BSDF of metis (1), or (2) at slope 2, at beta 0, but for the cosines."""
+def _k_peak(wavelength_nm: float, length_um: float, slope: float) -> float:
+    """Return the BSDF of metis (1), or (2) at slope 2, at beta 0, over TIS and the cosines."""
     waves = 1e3 * length_um / wavelength_nm
-    whole = float(tis(sigma_nm, wavelength_nm))
-    return whole * waves**2 / (math.pi * _k_band(length_um, wavelength_nm, slope))
+    return waves**2 / (math.pi * _k_band(length_um, wavelength_nm, slope))
 
 
 def _k_shape(square: Floats, length_um: float, wavelength_nm: float, slope: float) -> Floats:

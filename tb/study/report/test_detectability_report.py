@@ -27,6 +27,8 @@ def test_paper_is_shown_beside_its_own_errors() -> None:
     assert "…" not in text
     for words in ("14.0 % at 12:30", "13.6 % at 14:30", "-26.7 %", "-56.9 %", "58.5 %", "39.5 %"):
         assert words in text
+    # The paper prints no measurement: what its errors say is not shown as one.
+    assert "inferred" in text and "measured" not in text
     rows = [
         line
         for line in text.splitlines()
@@ -36,11 +38,11 @@ def test_paper_is_shown_beside_its_own_errors() -> None:
     for k, line in enumerate(rows[2:]):
         outlook, index = found[k // 3], k % 3
         numbers = [float(word) for word in re.findall(r"[-+]?\d+(?:\.\d+)?", line)[5:]]
-        model, measured = outlook.model[index], outlook.measured[index]
+        model, reference = outlook.model[index], outlook.reference[index]
         want = [
             outlook.site.range_mm[index], outlook.laser_w_m2[index], model,
-            outlook.direct_sun[index], measured, 100.0 * (model / measured - 1.0),
-            100.0 * (outlook.direct_sun[index] / measured - 1.0),
+            outlook.direct_sun[index], reference, 100.0 * (model / reference - 1.0),
+            100.0 * (outlook.direct_sun[index] / reference - 1.0),
             1e3 * outlook.least_w[index], 1e3 * outlook.printed_least_w[index],
         ]  # fmt: skip
         assert numbers == pytest.approx(want, rel=5e-3, abs=0.06)
@@ -79,8 +81,16 @@ def test_spot_without_a_measurement_has_neither_errors_nor_a_limit() -> None:
     found = report.outlooks(site)
     text = shown(found)
     assert "there is no limit for a spot" in text
-    assert "measured" not in text.split("Brightness ratio")[1]
+    assert "measured" not in text and "inferred" not in text
     assert b"eye" not in report.csv_file(found).splitlines()[0]
+
+
+def test_own_measurement_is_shown_as_one() -> None:
+    time = load(None).sun.time
+    text = shown(report.outlooks(Site(moment=[Moment(time=time, measured_w_m2=480.0)])))
+    assert "measured" in text and "inferred" not in text and "480" in text
+    with pytest.raises(ValueError, match="one of the two"):
+        Moment(time=time, measured_w_m2=480.0, inferred_w_m2=459.0)
 
 
 def test_line_of_visible_light_says_why_it_has_no_limit() -> None:

@@ -37,8 +37,8 @@ class _Row:
         return float(getattr(self.outlook, name)[self.index])
 
     def error(self, name: str) -> float:
-        """Return a model's B over the measured one, less 1; NaN without a measurement."""
-        return self.of(name) / self.of("measured") - 1.0
+        """Return a model's B over that of the reference, less 1; NaN without one."""
+        return self.of(name) / self.of("reference") - 1.0
 
 
 def outlooks(site: Site) -> list[Outlook]:
@@ -61,6 +61,16 @@ def _when(moment: Moment, form: str = "%Y-%m-%d %H:%M") -> str:
     return f"{moment.time:{form}}, {'in shade' if moment.shaded else 'in the sun'}"
 
 
+def _reference(found: list[Outlook]) -> str:
+    """Return how the references are known: "measured", "inferred", both, or nothing."""
+    moments = [each.moment for each in found]
+    known = {
+        "measured": any(each.measured_w_m2 is not None for each in moments),
+        "inferred": any(each.inferred_w_m2 is not None for each in moments),
+    }
+    return " or ".join(name for name, there in known.items() if there)
+
+
 def report(found: list[Outlook]) -> Group:
     """Return all tables for the terminal, 120 columns wide."""
     return Group(light_table(found), "", ratio_table(found), "", *_eye(found[0].site))
@@ -81,8 +91,12 @@ def light_table(found: list[Outlook]) -> RichTable:
         part("ground", "ground"),
         part("facades", "facades"),
         Column("on the wall", lambda each: each.sun_w_m2, "{:.0f}"),
-        Column("measured", lambda each: each.moment.measured_w_m2, "{:.0f}", absent="-"),
     ]
+    reference = _reference(found)
+    if reference:
+        columns.append(
+            Column(reference, lambda each: each.moment.reference_w_m2, "{:.0f}", absent="-")
+        )
     site = found[0].site
     sun, low, high = site.sun, *site.filter.band_nm
     if sun.sky == "clear":
@@ -106,7 +120,7 @@ def light_table(found: list[Outlook]) -> RichTable:
 
 def ratio_table(found: list[Outlook]) -> RichTable:
     """Return B and the least power at every time and range."""
-    measured = any(each.moment.measured_w_m2 is not None for each in found)
+    reference = _reference(found)
     columns: list[Column[_Row]] = [
         words("\ntime", lambda row: _when(row.outlook.moment)),
         Column("range\nmm", lambda row: row.range_mm, "{:.0f}"),
@@ -114,9 +128,9 @@ def ratio_table(found: list[Outlook]) -> RichTable:
         Column("\nB", lambda row: row.of("model"), "{:.3f}"),
         Column("B, direct\nsun only", lambda row: row.of("direct_sun"), "{:.3f}"),
     ]
-    if measured:
+    if reference:
         columns += [
-            Column("B\nmeasured", lambda row: row.of("measured"), "{:.3f}", absent="-"),
+            Column(f"B\n{reference}", lambda row: row.of("reference"), "{:.3f}", absent="-"),
             Column("error\nof B", lambda row: row.error("model"), "{:+.1f} %", scale=100),
             Column("direct\nsun", lambda row: row.error("direct_sun"), "{:+.1f} %", scale=100),
         ]
@@ -199,10 +213,11 @@ def csv_file(found: list[Outlook]) -> bytes:
         *map(part, found[0].parts_w_m2),
         Column(None, lambda row: row.outlook.sun_w_m2, name="sun_w_m2"),
         Column(None, lambda row: row.outlook.moment.measured_w_m2, name="measured_w_m2"),
+        Column(None, lambda row: row.outlook.moment.inferred_w_m2, name="inferred_w_m2"),
         figure("laser_w_m2", "laser_w_m2"),
         figure("model", "ratio"),
         figure("direct_sun", "ratio_direct_sun"),
-        figure("measured", "ratio_measured"),
+        figure("reference", "ratio_reference"),
         figure("least_w", "least_w"),
         figure("printed_least_w", "least_as_printed_w"),
         *(
@@ -220,7 +235,7 @@ def picture(found: list[Outlook], file: BinaryIO) -> None:
     with drawing(4.6 + 3.0 * count, 4.2, found[0].site.title) as figure:
         grid = figure.add_gridspec(1, 1 + count, width_ratios=[1.5, *[1.0] * count])
         _draw_day(figure.add_subplot(grid[0]), found)
-        ratios = [getattr(each, name) for each in found for name in ("model", "measured")]
+        ratios = [getattr(each, name) for each in found for name in ("model", "reference")]
         top = 1.0 + 1.15 * (float(np.nanmax(ratios)) - 1.0)
         for k, each in enumerate(found):
             _draw_ratio(figure.add_subplot(grid[1 + k]), each, top, legend=k == 0)
@@ -265,13 +280,14 @@ def _draw_day(axes: Axes, found: list[Outlook]) -> None:
             continue
         hour = each.moment.time.hour + each.moment.time.minute / 60.0
         axes.plot(hour, each.sun_w_m2, "o", color=INK, markersize=5)
-        if each.moment.measured_w_m2 is not None:
+        if each.moment.reference_w_m2 is not None:
             axes.plot(
-                hour, each.moment.measured_w_m2, "s", mfc="white", mec=COLOURS[1], markersize=6
+                hour, each.moment.reference_w_m2, "s", mfc="white", mec=COLOURS[1], markersize=6
             )
     axes.plot([], [], "o", color=INK, markersize=5, label="as modelled")
-    if any(each.moment.measured_w_m2 is not None for each in found):
-        axes.plot([], [], "s", mfc="white", mec=COLOURS[1], markersize=6, label="as measured")
+    if reference := _reference(found):
+        label = f"as {reference}"
+        axes.plot([], [], "s", mfc="white", mec=COLOURS[1], markersize=6, label=label)
     axes.set(
         xlabel=f"hour of {found[0].moment.time:%Y-%m-%d}",
         ylabel="irradiance of the wall in W/m²",
@@ -283,7 +299,7 @@ def _draw_day(axes: Axes, found: list[Outlook]) -> None:
 
 
 def _draw_ratio(axes: Axes, outlook: Outlook, top: float, *, legend: bool) -> None:
-    """Draw B over range: this model, the direct sun alone, and what is measured."""
+    """Draw B over range: this model, the direct sun alone, and the reference."""
     places = np.array(outlook.site.range_mm)
     wide = np.linspace(0.9 * places.min(), 1.1 * places.max(), _CURVE)
     axes.plot(wide, outlook.ratio(outlook.sun_w_m2, wide), color=COLOURS[0], label="this model")
@@ -294,10 +310,10 @@ def _draw_ratio(axes: Axes, outlook: Outlook, top: float, *, legend: bool) -> No
         linestyle="--",
         label="direct sun",
     )
-    if outlook.moment.measured_w_m2 is not None:
+    if outlook.moment.reference_w_m2 is not None:
         axes.plot(
-            places, outlook.measured, "s", mfc="white", mec=COLOURS[1], markersize=6,
-            label="measured",
+            places, outlook.reference, "s", mfc="white", mec=COLOURS[1], markersize=6,
+            label=_reference([outlook]),
         )  # fmt: skip
     axes.axhline(1.0, color=INK, linewidth=0.8)
     axes.set_ylim(0.8, top)
