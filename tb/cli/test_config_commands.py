@@ -43,6 +43,8 @@ def test_a_new_scanner_is_the_one_that_was_asked_for(tmp_path: Path) -> None:
     assert board.position_mm[2] == pytest.approx(made.free.focus_mm, rel=1e-3)
     Registers.from_config(made)
     assert "field of view 32.0 degrees" in result.output
+    for name in ("e_l (6)", "p_a (7)", "dwell", "spacing", "efficiency"):
+        assert name in result.output
     assert max(map(len, result.output.splitlines())) <= 120
     assert drawn.read_bytes().startswith(b"\x89PNG")
 

@@ -90,3 +90,23 @@ def test_the_drawing_has_every_part(config: Config) -> None:
     rows = drawn.splitlines()
     beam = next(row for row in rows if row.startswith("M"))
     assert beam.index("N") == round(ends_mm[0] / ends_mm[1] * 71) and beam.endswith("F")
+
+
+@EACH_SCANNER
+def test_lateral_error_angle_and_scan_are_those_of_the_papers(config: Config) -> None:
+    """e_l = r p_p / f (6), p_a = atan(e_l / r) (7), with p_p of the table; dwell (1-40)."""
+    near, far = config.focus.near_mm, config.focus.far_mm
+    found, geometry, mirror = layout(config, near, far), config.geometry, config.mirror
+    error_mm = found.noise_px * geometry.pitch_mm
+    assert found.lateral_mm == pytest.approx(found.z_mm * error_mm / geometry.focal_mm)
+    assert 1e-6 * found.angle_urad == pytest.approx(np.arctan(error_mm / geometry.focal_mm))
+    if mirror.polygon:
+        rate = 2.0 * np.radians(360.0 / mirror.facets) * mirror.frequency_hz
+    else:
+        k = np.arange(1, 2 * len(mirror.harmonics), 2)
+        a, phi = np.array(mirror.harmonics).T
+        slope = np.sum(k * a * np.sin(k * 0.5 * np.pi - phi))
+        rate = 2.0 * np.pi * mirror.frequency_hz * np.radians(mirror.amplitude_deg) * slope
+    assert 1e-6 * found.dwell_us == pytest.approx(found.across_mm / found.z_mm / rate, rel=1e-5)
+    step = rate / config.line.rate_hz
+    assert found.spacing_mm == pytest.approx(found.z_mm * np.tan(step), rel=1e-5)

@@ -162,7 +162,9 @@ def radial_error(range_mm: Floats, position_error_mm: float, geometry: Geometry)
     return np.square(range_mm) * position_error_mm / (geometry.focal_mm * geometry.base_mm)
 
 
-def lateral_error(range_mm: Floats, position_error_mm: float, geometry: Geometry) -> Floats:
+def lateral_error(
+    range_mm: Floats, position_error_mm: Floats | float, geometry: Geometry
+) -> Floats:
     """Return e_l = e_r B / r = r p_p / f of VR-SCAN (6), mm.
 
     Args:
@@ -170,10 +172,12 @@ def lateral_error(range_mm: Floats, position_error_mm: float, geometry: Geometry
         position_error_mm: Precision p_p on the sensor.
         geometry: The focal length.
     """
-    return range_mm * position_error_mm / geometry.focal_mm
+    return np.asarray(range_mm * position_error_mm / geometry.focal_mm)
 
 
-def angle_precision(range_mm: Floats, position_error_mm: float, geometry: Geometry) -> Floats:
+def angle_precision(
+    range_mm: Floats, position_error_mm: Floats | float, geometry: Geometry
+) -> Floats:
     """Return the scan angle precision p_a that VR-SCAN (7) asks for, rad.
 
     Args:

@@ -17,7 +17,14 @@ from vrscan.data.arrays import Floats
 from vrscan.data.config import Config, Geometry
 from vrscan.data.errors import InputError
 from vrscan.ideal.free_space import response, spot_px
-from vrscan.ideal.geometry import project, triangle, undistorted
+from vrscan.ideal.geometry import (
+    angle_precision,
+    lateral_error,
+    project,
+    triangle,
+    undistorted,
+)
+from vrscan.ideal.scanning import dwell_s, scan_efficiency, scan_rate, spacing_mm
 from vrscan.show.sheet import Sheet, Value, listed
 from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 
@@ -81,6 +88,11 @@ class Layout:
             a full pixel.
         noise_px: Standard deviation that shot noise leaves to the position.
         sigma_mm: The same of z.
+        lateral_mm: The same along the base, e_l of VR-SCAN (6).
+        angle_urad: Precision p_a of the scan angle that VR-SCAN (7) asks for beside that.
+        dwell_us: Time in which the beam passes a pixel.
+        spacing_mm: Distance of neighbouring points of a sweep.
+        efficiency: Share of time in which the camera sees the beam there.
     """
 
     z_mm: Floats
@@ -91,6 +103,11 @@ class Layout:
     electrons: Floats
     noise_px: Floats
     sigma_mm: Floats
+    lateral_mm: Floats
+    angle_urad: Floats
+    dwell_us: Floats
+    spacing_mm: Floats
+    efficiency: Floats
 
 
 def layout(config: Config, near_mm: float, far_mm: float, count: int = ROWS) -> Layout:
@@ -111,28 +128,43 @@ def layout(config: Config, near_mm: float, far_mm: float, count: int = ROWS) -> 
     electrons = config.free.darkest * response(z, zero, config)
     electrons = np.minimum(electrons, config.sensor.full_well_e)
     noise = spot / np.sqrt(math.sqrt(2.0 * math.pi) * spot * electrons)
+    across = depth * geometry.pitch_mm / geometry.focal_mm
+    on_sensor = noise * geometry.pitch_mm
+    rate = scan_rate(config.mirror)
     return Layout(
         z_mm=z,
         position_px=position,
         step_mm=step,
-        across_mm=depth * geometry.pitch_mm / geometry.focal_mm,
+        across_mm=across,
         spot_px=spot,
         electrons=electrons,
         noise_px=noise,
         sigma_mm=noise * step,
+        lateral_mm=lateral_error(z, on_sensor, geometry),
+        angle_urad=1e6 * angle_precision(z, on_sensor, geometry),
+        dwell_us=1e6 * dwell_s(across / z, rate),
+        spacing_mm=spacing_mm(z, rate, config.line.rate_hz),
+        efficiency=scan_efficiency(z, config),
     )
 
 
 def sheet(found: Layout) -> Sheet[Sequence[Value]]:
     """Return the table of a layout."""
-    names = ("z, mm", "px", "mm/px", "across, mm/px", "spot, px", "electrons", "noise, px")
+    names = (
+        "z\nmm", "\npx", "z\nmm/px", "across\nmm/px", "spot\npx", "electrons", "noise\npx",
+        "sigma of z\nmm", "e_l (6)\nmm", "p_a (7)\nµrad", "dwell\nµs", "spacing\nmm",
+        "scan\nefficiency",
+    )  # fmt: skip
     columns = [getattr(found, field.name) for field in fields(found)]
-    forms = ("{:.0f}", "{:.1f}", "{:.4f}", "{:.4f}", "{:.2f}", "{:.0f}", "{:.4f}", "{:.4f}")
+    forms = (
+        "{:.0f}", "{:.1f}", "{:.4f}", "{:.4f}", "{:.2f}", "{:.0f}", "{:.4f}",
+        "{:.4f}", "{:.4f}", "{:.2f}", "{:.3f}", "{:.2f}", "{:.2f}",
+    )  # fmt: skip
     rows = [
         tuple(form.format(value) for form, value in zip(forms, row, strict=True))
         for row in zip(*columns, strict=True)
     ]
-    return listed((*names, "sigma of z, mm"), rows)
+    return listed(names, rows)
 
 
 def scene(config: Config, z_mm: float) -> str:
@@ -155,14 +187,15 @@ def scene(config: Config, z_mm: float) -> str:
 
 
 def summary(config: Config) -> str:
-    """Return the field of view in one line."""
+    """Return the field of view and the scan that passes it, in one line."""
     geometry = config.geometry
     ends = np.array([0.0, config.sensor.line_length - 1.0])
     u, _ = undistorted(ends, geometry)
     low, high = np.degrees(np.arctan(u / geometry.focal_mm))
     return (
         f"field of view {high - low:.1f} degrees, lines of sight at {geometry.bias_deg + low:.1f} "
-        f"to {geometry.bias_deg + high:.1f}; scan +-{config.mirror.amplitude_deg:g} degrees"
+        f"to {geometry.bias_deg + high:.1f}; scan +-{config.mirror.amplitude_deg:g} degrees, "
+        f"{scan_rate(config.mirror):.0f} rad/s on the resting beam"
     )
 
 
