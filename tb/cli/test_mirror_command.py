@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from vrscan.cli.app import app
 from vrscan.data.config import load
 from vrscan.ideal.motion import motion
-from vrscan.study.report.mirror_report import COLUMNS, Events, simulate
+from vrscan.study.report.mirror_report import COLUMNS, Events, read_edges, simulate
 
 CLOCK = "[clock]\nfrequency_hz = 10e6\n"
 STEP_S = 25e-9  # of the index's samples
@@ -117,6 +117,22 @@ def recorded(path: Path, seconds: float) -> None:
     rows = [row for row in sorted(rows) if 0 <= row[0] <= seconds]
     text = "".join(f"{t:.12f},{c},{g}\n" for t, c, g in rows)
     path.write_text("time_s,comparator,gate\n" + text)
+
+
+def test_times_before_a_trigger_count_from_the_first_row(tmp_path: Path) -> None:
+    whole, shifted = tmp_path / "edges.csv", tmp_path / "shifted.csv"
+    recorded(whole, 0.1)
+    head, *rows = whole.read_text().splitlines()
+    first = float(rows[0].partition(",")[0])
+    for path, start in ((whole, 0.0), (shifted, -0.25)):
+        times = [float(row.partition(",")[0]) - first + start for row in rows]
+        kept = [row.partition(",")[2] for row in rows]
+        text = "".join(f"{t:.12f},{r}\n" for t, r in zip(times, kept, strict=True))
+        path.write_text(f"{head}\n{text}")
+    (want, amplitude, length), got = (read_edges(path, load(None)) for path in (whole, shifted))
+    assert len(want) > 100
+    assert np.array_equal(got[0], want)
+    assert got[1:] == pytest.approx((amplitude, length), abs=1e-9)
 
 
 def test_recorded_edges_give_the_angle_of_their_motion(tmp_path: Path) -> None:

@@ -57,16 +57,21 @@ def test_pairs_are_crossings_in_the_light() -> None:
 
 
 BAD = {
-    "no_header": ("0,0,0\n", "columns"),
-    "other_columns": ("time,comparator,gate\n0,0,0\n", "columns"),
-    "empty": ("", "columns"),
+    "no_header": ("0,0,0\n", "no column time_s (has none)"),
+    "other_columns": ("time,comparator,gate\n0,0,0\n", "no column time_s (has time, comparator"),
+    "empty": ("", "no column time_s (has none)"),
     "no_row": ("time_s,comparator,gate\n", "no edges"),
     "short_row": ("time_s,comparator,gate\n0,1\n", "line 2: 2 fields"),
-    "level_of_two": ("time_s,comparator,gate\n0,2,0\n", "line 2: levels '2,0'"),
+    "level_of_two": ("time_s,comparator,gate\n0,2,0\n", "line 2: comparator '2' is not 0 or 1"),
     "text": ("time_s,comparator,gate\nnow,1,0\n", "line 2: time_s 'now'"),
     "nan": ("time_s,comparator,gate\nnan,1,0\n", "line 2: time_s 'nan'"),
-    "negative": ("time_s,comparator,gate\n-1,1,0\n", "line 2: time_s '-1'"),
-    "backwards": ("time_s,comparator,gate\n2,1,0\n1,0,0\n", "line 3: time_s 1 is before"),
+    "open_quote": ('time_s,comparator,gate\n0,0,0\n"1,1,0\n' + "2,1,0\n" * 999, "line 3: not"),
+    "twice": ("time_s,comparator,gate,Gate\n0,0,0,0\n", "2 columns gate"),
+    "long_level": ("time_s,comparator,gate\n0,0," + 5000 * "9" + "\n", "line 2: gate '999"),
+    "backwards": (
+        "time_s,comparator,gate\n2,1,0\n1,0,0\n",
+        "line 3: time_s 1 is before the row above",
+    ),
 }
 
 
@@ -79,6 +84,7 @@ def test_a_bad_file_is_one_line_that_names_file_and_place(tmp_path: Path, name: 
     assert str(path) in str(caught.value)
     assert part in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < len(str(path)) + 300
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

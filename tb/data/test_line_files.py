@@ -1,6 +1,8 @@
 """Recorded lines: what is read and how what is not is refused, and what is written."""
 
+import io
 import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -96,9 +98,10 @@ def bad_archives(config: Config) -> dict[str, tuple[dict[str, Any], list[str]]]:
     return {
         "no_lines": ({"rows": lines}, ["no array named lines", "has 'rows'"]),
         "a_number": ({"lines": np.uint16(3)}, [width, "()"]),
-        "signed": ({"lines": lines.astype(np.int16)}, ["uint16", "int16"]),
-        "wide": ({"lines": lines.astype(np.uint32)}, ["uint16", "uint32"]),
-        "floating": ({"lines": lines.astype(float)}, ["uint16", "float64"]),
+        "wide": ({"lines": bright.astype(np.uint32)}, [str(top), str(top + 1), "line 2"]),
+        "negative": ({"lines": -1 - lines.astype(int)}, ["whole number from 0", "line 0"]),
+        "floating": ({"lines": lines + 0.25}, ["whole number from 0", ".25 at line 0, pixel 0"]),
+        "truth": ({"lines": lines > 60}, ["whole numbers", "bool"]),
         "objects": ({"lines": lines.astype(object)}, ["plain numbers"]),
         "short_lines": ({"lines": lines[:, :-1]}, [width, f"(3, {length - 1})"]),
         "long_lines": (
@@ -121,7 +124,7 @@ def bad_archives(config: Config) -> dict[str, tuple[dict[str, Any], list[str]]]:
         "few_angles": ({"lines": lines, "angle_rad": ANGLES[:2]}, ["(3,)", "(2,)"]),
         "integer_angles": ({"lines": lines, "angle_rad": np.zeros(3, int)}, ["angle_rad", "int64"]),
         "text_angles": ({"lines": lines, "angle_rad": np.array(["a"] * 3)}, ["angle_rad", "<U1"]),
-        "floating_power": ({"lines": lines, "power": ANGLES}, ["power", "float64"]),
+        "floating_power": ({"lines": lines, "power": ANGLES + 0.5}, ["power", "whole"]),
         "negative_power": (
             {"lines": lines, "power": np.array([1, -2, 3])},
             ["power", "-2 at line 1"],
@@ -130,7 +133,10 @@ def bad_archives(config: Config) -> dict[str, tuple[dict[str, Any], list[str]]]:
             {"lines": lines, "power": np.full(3, 70_000, np.uint32)},
             ["power", "70000"],
         ),
-        "floating_flags": ({"lines": lines, "mirror_flags": ANGLES}, ["mirror_flags", "float64"]),
+        "floating_flags": (
+            {"lines": lines, "mirror_flags": ANGLES + 0.5},
+            ["mirror_flags", "whole"],
+        ),
         "infinite_time": (
             {"lines": lines, "time_s": np.array([0.0, np.inf, 1.0])},
             ["time_s", "line 1"],
@@ -169,6 +175,51 @@ def test_a_bad_archive_is_one_line_that_names_the_value(
     path = tmp_path / "lines.npz"
     np.savez(path, **arrays)
     refused(path, wanted, config)
+
+
+# The types of arrays that other programs write, as numpy names them.
+KINDS = ["<u2", ">u2", "i1", "<i2", ">i4", "<u4", "<i8", "<u8", ">f4", "<f8", "<f2"]
+
+
+@pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
+@pytest.mark.parametrize("kind", ["u1", *KINDS])
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
+def test_the_type_of_an_array_does_not_matter_where_its_values_fit(
+    tmp_path: Path, kind: str, order: Any, version: tuple[int, int]
+) -> None:
+    lines = good(DEFAULT) // (40 if "1" in kind else 2)  # float16 has 11 bits
+    path = tmp_path / "lines.npy"
+    with path.open("wb") as file:
+        array = np.asarray(lines.astype(kind), order=order)
+        np.lib.format.write_array(file, array, version=version)
+    found = read(path, DEFAULT).lines
+    assert found.dtype == np.uint16
+    assert np.array_equal(found, lines)
+
+
+def test_powers_and_flags_may_be_whole_floats(tmp_path: Path) -> None:
+    path = tmp_path / "lines.npz"
+    more = {"power": np.array([1.0, 2.0, 65535.0]), "mirror_flags": np.array([0.0, 7.0, 1.0])}
+    np.savez(path, lines=good(DEFAULT), angle_rad=ANGLES, **more)
+    found = read(path, DEFAULT)
+    assert (found.power.tolist(), found.mirror_flags.tolist()) == ([1, 2, 65535], [0, 7, 1])
+
+
+@pytest.mark.parametrize("shape", [(2**40, 2048), (2**40,), (3, 2**50), (2**70, 2048)])
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_header_without_its_rows_is_one_line(
+    tmp_path: Path, shape: tuple[int, ...], packed: bool
+) -> None:
+    array = io.BytesIO()
+    header = {"descr": "<u2", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(array, header)
+    path = tmp_path / "lines.npz"
+    path.write_bytes(array.getvalue())
+    if packed:
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("lines.npy", array.getvalue())
+    refused(path, ["it ends too early: 0 bytes of"])
 
 
 def test_bad_files_are_one_line(tmp_path: Path) -> None:

@@ -87,12 +87,12 @@ def test_angles_come_from_a_file_beside(tmp_path: Path) -> None:
 
 
 WRONG_ANGLES = {
-    "angle_rad,pwer\n0,1\n0,1\n0,1\n": ["columns 'angle_rad,pwer'"],
-    "power\n0\n0\n0\n": ["columns 'power'"],
+    "angle_rad,pwer\n0,1\n0,1\n0,1\n": ["columns angle_rad, pwer"],
+    "power\n0\n0\n0\n": ["columns power,"],
     "angle_rad\n0\n0\n": ["2 rows for the 3 lines"],
     "angle_rad\n0\nx\n0\n": ["line 3", "angle_rad 'x'"],
     "angle_rad,power\n0,1\n0,1.5\n0,1\n": ["line 3", "power '1.5'"],
-    "": ["columns ''"],
+    "": ["columns none"],
 }
 
 

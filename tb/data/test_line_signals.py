@@ -74,7 +74,7 @@ WRONG = {
     "line,x_mm,y_mm,z_mm\n0,1,0,2\n": ["holds points, not lines"],
     HEAD: ["no whole line"],
     HEAD + "0,0,1\n1,2,1\n": ["line 3", "sensor_valid '2'"],
-    HEAD + "0,0,1\n1,1\n": ["line 3", "sensor_pixel ''"],
+    HEAD + "0,0,1\n1,1\n": ["line 3: 2 fields, want 3"],
     HEAD + "0,0,1\n1,1,-4\n": ["line 3", "sensor_pixel '-4'"],
     HEAD + "0,0,70000\n1,1,70000\n0,0,0\n": ["more than 16 bits"],
     HEAD + "0,0,1\n1,0,1\n0,1,1\n1,1,1\n0,0,1\n1,0,1\n": ["line 5", "1 px until", "want 64"],

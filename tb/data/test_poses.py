@@ -65,11 +65,11 @@ def test_there_is_no_pose_beyond_the_first_and_the_last(tmp_path: Path) -> None:
 
 
 WRONG = {
-    "": ["columns ''", "want time_s,x_mm,y_mm,z_mm and roll_deg"],
-    "time_s,x_mm,y_mm,z_mm\n0,0,0,0\n": ["columns 'time_s,x_mm,y_mm,z_mm'"],
+    "": ["columns none", "want time_s,x_mm,y_mm,z_mm and roll_deg"],
+    "time_s,x_mm,y_mm,z_mm\n0,0,0,0\n": ["columns time_s, x_mm, y_mm, z_mm"],
     HEAD + "0,0,0,0,0,0,0\n": ["1 poses, needs 2"],
-    HEAD + "0,0,0,0,0,0,0\n1,0,0,0,0,x,0\n": ["line 3", "not 7 numbers", "x"],
-    HEAD + "0,0,0,0,0,0,0\n1,0,0,0,0\n": ["line 3", "not 7 numbers"],
+    HEAD + "0,0,0,0,0,0,0\n1,0,0,0,0,x,0\n": ["line 3: pitch_deg 'x' is no number"],
+    HEAD + "0,0,0,0,0,0,0\n1,0,0,0,0\n": ["line 3: 5 fields, want 7"],
     HEAD + "0,0,0,0,0,0,0\n1,0,0,0,0,nan,0\n": ["line 3", "nan"],
     HEAD + "1,0,0,0,0,0,0\n1,0,0,0,0,0,0\n": ["line 3", "time_s 1 is not after"],
     "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0,2\n": ["line 2", "no unit quaternion"],

@@ -5,7 +5,6 @@
 straight lines over the drive's phase leave of the motion.
 """
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import FEWEST_HARMONICS, HARMONICS
+from vrscan.data.csv_files import finite, plain_name, read_table
 from vrscan.data.errors import InputError
 from vrscan.data.residuals import rms
 from vrscan.ideal.motion import crossings, motion
@@ -159,30 +159,14 @@ def read_motion(path: Path, column: str, from_s: float) -> tuple[Floats, Floats]
         InputError: naming file and column or line, if the file is missing, has no such column, or a
             value is not a number.
     """
-    times: list[float] = []
-    angles: list[float] = []
-    try:
-        with path.open(newline="") as file:
-            rows = csv.DictReader(file)
-            for name in ("time_s", column):
-                if name not in (rows.fieldnames or ()):
-                    raise InputError(f"{path}: no column {name}")
-            for row in rows:
-                if not row[column]:
-                    continue
-                time = float(row["time_s"])
-                if time >= from_s:
-                    times.append(time)
-                    angles.append(float(row[column]))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    except (ValueError, TypeError, csv.Error) as error:
-        raise InputError(
-            f"{path}: line {len(times) + 2} or later: not a number ({error})"
-        ) from error
-    if not times:
+    table, name = read_table(path), plain_name(column)
+    table.need(("time_s", name))
+    table = table.with_value(name)
+    time, angle = (np.asarray(table.column(each, finite)) for each in ("time_s", name))
+    late = time >= from_s
+    if not late.any():
         raise InputError(f"{path}: no {column} from {from_s:g} s on")
-    return np.array(times), np.array(angles)
+    return time[late], angle[late]
 
 
 @dataclass(frozen=True)

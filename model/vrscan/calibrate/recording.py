@@ -6,7 +6,7 @@ chain's points, the crossings from the index, and the surface from whoever put i
 
 import contextlib
 import math
-import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from pydantic import Field
 from vrscan.data import edges, recordings
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config, Positive, Section, checked
-from vrscan.data.errors import InputError, one_line
+from vrscan.data.errors import InputError, reading
 from vrscan.data.table import Table
 from vrscan.ideal.geometry import triangle, undistorted
 from vrscan.ideal.motion import Harmonics, crossings
@@ -251,7 +251,10 @@ def recorded(
 
 
 def from_file(
-    source: Path, config: Config, edges_file: Path | None = None
+    source: Path,
+    config: Config,
+    edges_file: Path | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> tuple[Table, tuple[Floats, Ints, Ints]]:
     """Return the points of a scan and its index edges, as ``edges.read`` does, by one clock.
 
@@ -261,6 +264,7 @@ def from_file(
         config: The configuration, for the lines' timing.
         edges_file: Edges of another recorder, whose time begins with line 0; line k's pulse is
             centred at k / rate + delay + pulse / 2 after that.
+        columns: Names of the columns of a table of edges, as those of ``edges.read``.
 
     Raises:
         InputError: naming the file, if one is missing or not of this form.
@@ -271,13 +275,14 @@ def from_file(
         source /= "points.csv"
     points = recordings.read_points(source)
     if edges_file is None:
-        return points, recordings.read_edges(source)
+        return points, recordings.read_edges(source, columns)
+    found = recordings.read_edges(edges_file, columns)
     if own and config.mirror.polygon:  # the simulated scan has no number for a dark line
-        return points, recordings.read_edges(edges_file)
+        return points, found
     timing = config.line
     delay_s = 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
     points = replace(points, time_s=points.line / timing.rate_hz + delay_s)
-    return points, recordings.read_edges(edges_file)
+    return points, found
 
 
 def record(
@@ -336,25 +341,18 @@ def read(path: Path) -> Recording:
             raise InputError(
                 f"{path}: no calibration scan; vrscan calibrate record makes one of it"
             )
-        try:
+        with reading(path, "its setup is damaged"):
             values = json.loads(held.notes[_SETUP]["json"])
-        except (KeyError, ValueError) as error:
-            raise InputError(f"{path}: its setup is damaged ({one_line(error)})") from error
         setup = checked(Setup, values, str(path))
         points, length = held.points, held.config.sensor.line_length
         crossings_s = edges.pairs(*held.edges)
         return recorded(path.stem, setup, points, points.time_s, *crossings_s, length)
     names = [each.name for each in fields(Recording) if each.name not in ("name", "setup")]
     arrays: dict[str, Floats] = {}
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            setup = checked(Setup, json.loads(str(file["setup"])), str(path))
-            with contextlib.suppress(TypeError):
-                arrays = {name: np.asarray(file[name], np.float64) for name in names}
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a calibration scan ({error})") from error
+    with reading(path, "not a calibration scan"), np.load(path, allow_pickle=False) as file:
+        setup = checked(Setup, json.loads(str(file["setup"])), str(path))
+        with contextlib.suppress(TypeError):
+            arrays = {name: np.asarray(file[name], np.float64) for name in names}
     sizes = {arrays[name].shape for name in names[:-2]} if arrays else set()
     if len(sizes) != 1 or arrays["out_s"].shape != arrays["in_s"].shape:
         raise InputError(f"{path}: its arrays have different lengths")

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from vrscan.cli.calibrate_commands import calibrate
 from vrscan.cli.case_commands import cases
-from vrscan.cli.checks import check_range, check_suffix
+from vrscan.cli.checks import ColumnsOption, check_range, check_suffix, renamed
 from vrscan.cli.config_commands import config as config_text
 from vrscan.cli.config_commands import new
 from vrscan.cli.file_commands import export, filter_points
@@ -632,6 +632,7 @@ def replay(
             help="CSV file with angle_rad, and power, mirror_flags, time_s or y_mm, of each line."
         ),
     ] = None,
+    columns: ColumnsOption = None,
     engine: EngineOption = Engine.RTL,
     jobs: JobsOption = 0,
     config: ConfigOption = None,
@@ -640,7 +641,8 @@ def replay(
     _check_jobs(jobs)
     suffix = check_suffix(out, (".csv", ".ply"))
     settings = _settings(config, recording)
-    with atomic_file(out) as file, line_files.opened(recording, settings, angles) as recorded:
+    source = line_files.opened(recording, settings, angles, renamed(columns))
+    with atomic_file(out) as file, source as recorded:
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
@@ -687,6 +689,7 @@ def mirror(
             help="Recorded index edges, .csv or .mcap, used instead of a mirror.",
         ),
     ] = None,
+    columns: ColumnsOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Run the RTL's mirror loop against the simulated mirror, or on recorded index edges."""
@@ -705,7 +708,7 @@ def mirror(
         if events.any or jitter_ns is not None:
             raise InputError("--replay: no --drift, --shock, --drop or --jitter-ns with it")
         with telling():
-            rows, amplitude, last = report.read_edges(recording, settings)
+            rows, amplitude, last = report.read_edges(recording, settings, renamed(columns))
         length = last if seconds is None else min(seconds, last)
         check_range(f"{recording}: last time_s", length, 0.0, MOST_SECONDS)
         title = f"Mirror: {recording.name}, {length:.3f} s"

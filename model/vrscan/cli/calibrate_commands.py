@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vrscan.cli.checks import check_suffix
+from vrscan.cli.checks import ColumnsOption, check_suffix, renamed
 from vrscan.cli.panels import group
 from vrscan.cli.progress import bar, console, telling
 from vrscan.data import config as configuration
@@ -76,6 +76,7 @@ def calibrate_record(
             help="Index edges, .csv or .mcap; their time begins at line 0. Default: those of SCAN."
         ),
     ] = None,
+    columns: ColumnsOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Make a calibration scan of the points and index edges of a known surface."""
@@ -95,7 +96,7 @@ def calibrate_record(
     }
     setup = configuration.checked(recording.Setup, values, "setup")
     with telling(), atomic_file(out) as file:
-        points, found = recording.from_file(source, settings, edges)
+        points, found = recording.from_file(source, settings, edges, renamed(columns))
         made = recording.record(str(source), setup, points, found, settings, file)
     print(f"{out}: {len(made)} points, {len(made.out_s)} pairs of crossings")
 

@@ -26,14 +26,14 @@ def checked(recording: Lines, config: Config, *, first: int = 0, pixels: bool = 
     """Return lines in the form that every engine takes, or raise an error that says what is wrong.
 
     Args:
-        recording: n lines, n may be 0. Lines are uint16 of either byte order, angles of any
-            floating-point type within +-pi rad, powers of any integer type from 0 to
-            ``laser.power_max``, flags of any integer type from 0 to 7, and the lens's positions,
-            if there are any, of 16 bits. Times and positions of the scanner are numbers, of which
-            a time may be NaN.
+        recording: n lines, n may be 0. Pixels, powers from 0 to ``laser.power_max``, flags from 0
+            to 7 and the lens's positions of 16 bits, if there are any, are whole numbers of any
+            type; angles are of any floating-point type within +-pi rad. Times and positions of the
+            scanner are numbers, of which a time may be NaN.
         config: The configuration, whose sensor gives the line's length and the bits of a pixel.
         first: Number of the first line, for error messages that name a line.
-        pixels: Whether to read every pixel. The engines do, so ``engines.run`` need not.
+        pixels: Whether to read every pixel of lines that are uint16. The engines do, so
+            ``engines.run`` need not.
 
     Returns:
         The same lines in the machine's own types, with flags, time and y for each line [n].
@@ -49,8 +49,8 @@ def checked(recording: Lines, config: Config, *, first: int = 0, pixels: bool = 
     lens = recording.lens
     if lens is not None:
         lens = _whole("lens", lens, count, 0, _LENS_LIMIT, first)
-    if pixels:
-        _check_pixels(lines, config.sensor.pixel_width, first)
+    if pixels or lines.dtype != np.uint16:
+        lines = _pixels(lines, config.sensor.pixel_width, first)
     time = _number("time_s", recording.time_s, count)
     y = _number("y_mm", recording.y_mm, count)
     _check_limits("time_s", time, ~np.isinf(time), "the finite numbers", first)
@@ -79,7 +79,7 @@ def checked_words(
     """Return lines, angles, powers and flags in the form that RTL and model take; see ``checked``.
 
     Args:
-        lines: Pixels, uint16 [n, line_length], below 2**pixel_width.
+        lines: Pixels, whole numbers [n, line_length], below 2**pixel_width.
         angle: Scan angles, fractions of a turn as signed integers of 24 bits [n].
         power: Laser powers, integers of 16 bits [n].
         mirror_flags: Flags of the mirror, 0 to 7, [n] or one for all.
@@ -91,10 +91,12 @@ def checked_words(
     """
     lines = _shaped(lines, line_length)
     count = len(lines)
+    if np.asarray(angle).dtype.kind == "f":  # of another unit, though it may be whole
+        raise LinesError(f"angle must be integers (is {np.asarray(angle).dtype})")
     angle = _whole("angle", angle, count, -_ANGLE_HALF, _ANGLE_HALF - 1)
     power = checked_power(power, count)
     raised = checked_flags(mirror_flags, count)
-    _check_pixels(lines, pixel_width)
+    lines = _pixels(lines, pixel_width)
     return lines, angle, power, raised
 
 
@@ -133,21 +135,35 @@ def checked_flags(mirror_flags: npt.ArrayLike, count: int, first: int = 0) -> In
     return _whole("mirror_flags", given, count, 0, _FLAGS_LIMIT, first)
 
 
-def _shaped(lines: Pixels, length: int) -> Pixels:
+def _shaped(lines: npt.ArrayLike, length: int) -> npt.NDArray[Any]:
     """Return lines in the machine's byte order; the values of the pixels are not checked."""
     given = np.asarray(lines)
-    if given.dtype.kind != "u" or given.dtype.itemsize != 2:
-        raise LinesError(f"lines must be uint16 (are {given.dtype})")
+    if given.dtype.kind not in "iuf":
+        raise LinesError(f"lines must be whole numbers (are {given.dtype})")
     if given.ndim != 2 or given.shape[1] != length:
         raise LinesError(f"lines must have shape [n, {length}] (have {given.shape})")
-    return given.astype(np.uint16, copy=False)
+    return given.astype(given.dtype.newbyteorder("="), copy=False)
 
 
-def _check_pixels(lines: Pixels, pixel_width: int, first: int = 0) -> None:
-    if int(np.bitwise_or.reduce(lines, axis=None)) >> pixel_width:  # faster than the maximum
-        row, pixel = np.unravel_index(int(lines.argmax()), lines.shape)
-        largest, full = lines[row, pixel], 2**pixel_width - 1
-        raise LinesError(f"pixel above {full} ({largest} at line {first + row}, pixel {pixel})")
+def _pixels(lines: npt.NDArray[Any], pixel_width: int, first: int = 0) -> Pixels:
+    """Return lines as uint16, or raise an error that names a pixel that does not fit."""
+    if lines.dtype.kind == "u" and not int(np.bitwise_or.reduce(lines, axis=None)) >> pixel_width:
+        return lines.astype(np.uint16, copy=False)  # faster than comparisons
+    full = 2**pixel_width - 1
+    wrong = ~((lines >= 0) & (lines <= full) & _are_whole(lines))
+    if wrong.any():
+        row, pixel = np.unravel_index(int(wrong.argmax()), lines.shape)
+        value, where = lines[row, pixel], f"line {first + row}, pixel {pixel}"
+        what = f"above {full}" if value > full else f"no whole number from 0 to {full}"
+        raise LinesError(f"pixel {what} ({value} at {where})")
+    return lines.astype(np.uint16)
+
+
+def _are_whole(values: npt.NDArray[Any]) -> Bools:
+    """Return which values are whole numbers, of their shape."""
+    if values.dtype.kind != "f":
+        return np.ones(values.shape, np.bool_)
+    return np.asarray(np.isfinite(values) & (np.trunc(values) == values))
 
 
 def _column(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[Any]:
@@ -171,10 +187,11 @@ def _number(name: str, values: npt.ArrayLike, count: int) -> Floats:
 def _whole(
     name: str, values: npt.ArrayLike, count: int, low: int, high: int, first: int = 0
 ) -> Ints:
-    """Return integers from low to high, one for each line."""
+    """Return whole numbers from low to high, one for each line."""
     column = _column(name, values, count)
-    if column.dtype.kind not in "iu":
-        raise LinesError(f"{name} must be integers (is {column.dtype})")
+    if column.dtype.kind not in "iuf":
+        raise LinesError(f"{name} must be whole numbers (is {column.dtype})")
+    _check_limits(name, column, _are_whole(column), "the whole numbers", first)
     # The values are compared in their own type, so the message can name even the largest integer.
     _check_limits(name, column, (column >= low) & (column <= high), f"{low} to {high}", first)
     return column.astype(np.int64, copy=False)

@@ -1,6 +1,5 @@
 """Correction maps: what a position on the sensor lacks, over angle, position and lens."""
 
-import zipfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 from vrscan.data import pkg, recordings
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, reading
 
 ROWS, COLUMNS = 33, 65  # nodes of a map over the angle and over the position
 
@@ -64,16 +63,12 @@ def read_maps(path: Path) -> FieldMaps:
     Raises:
         InputError: naming the file, if it is missing or not one that ``write_maps`` made.
     """
-    try:
+    with reading(path, "no correction maps"):
         source = recordings.maps_file(path) if recordings.is_recording(path) else path
         with np.load(source, allow_pickle=False) as file:
             focal, begin, step = (float(each) for each in file["lens"])
             corrections, filled = file["corrections_px"], file["filled"]
             residual = file["residual_px"]
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: no correction maps ({error})") from error
     fits = corrections.ndim == 3 and corrections.shape[1:] == (ROWS, COLUMNS)
     if not fits or filled.shape != corrections.shape or not np.isfinite(corrections).all():
         raise InputError(f"{path}: its maps are not finite numbers [maps, {ROWS}, {COLUMNS}]")

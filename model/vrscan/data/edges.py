@@ -1,12 +1,12 @@
 """Recorded edges of the index, from a logic analyser for example, as samples that the RTL takes."""
 
-import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from vrscan.data.arrays import Floats, Ints
-from vrscan.data.csv_files import csv_fields
+from vrscan.data.csv_files import finite, read_table
 from vrscan.data.errors import InputError
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
@@ -16,44 +16,29 @@ COLUMNS = ("time_s", "comparator", "gate")
 _SLACK = 1e-3  # share of a sample: keeps edges on samples despite decimal times
 
 
-def read(path: Path) -> tuple[Floats, Ints, Ints]:
+def read(path: Path, columns: Mapping[str, str] | None = None) -> tuple[Floats, Ints, Ints]:
     """Return time [n], s, and the levels of comparator and gate [n] from each time on.
 
     Args:
-        path: A CSV file with the columns ``COLUMNS`` and a row at every change.
+        path: A CSV file with the columns ``COLUMNS``, in any order and with others between them,
+            and a row at every sample or at every change. Times before a trigger are negative.
+        columns: Names of the file's columns, by those of ``COLUMNS``, where they differ.
 
     Raises:
-        InputError: naming file and line, if the file is missing, has other columns or no row, a
-            time is negative, not a number or before the one above it, or a level is not 0 or 1.
+        InputError: naming file and line, if the file is missing, lacks a column or has no row, a
+            time is not a number or before the one above it, or a level is not 0 or 1.
     """
-    rows = csv_fields(path)
-    header = tuple(name.strip() for name in rows[0]) if rows else ()
-    if header != COLUMNS:
-        raise InputError(f"{path}: columns {','.join(header)!r}, want {','.join(COLUMNS)!r}")
-    times: list[float] = []
-    levels: list[tuple[int, int]] = []
-    for number, row in enumerate(rows[1:], start=2):
-        if not row:
-            continue
-        if len(row) != len(COLUMNS):
-            raise InputError(f"{path}: line {number}: {len(row)} fields, want {len(COLUMNS)}")
-        try:
-            time = float(row[0])
-        except ValueError:
-            time = math.nan
-        if not (math.isfinite(time) and time >= 0.0):
-            raise InputError(f"{path}: line {number}: time_s {row[0]!r} is not a time")
-        if times and time < times[-1]:
-            raise InputError(f"{path}: line {number}: time_s {row[0]} is before the line above")
-        level = tuple(text.strip() for text in row[1:])
-        if not set(level) <= {"0", "1"}:
-            raise InputError(f"{path}: line {number}: levels {','.join(level)!r} are not 0 or 1")
-        times.append(time)
-        levels.append((int(level[0]), int(level[1])))
-    if not times:
+    table = read_table(path, columns=columns)
+    table.need(COLUMNS)
+    time_s = np.asarray(table.column("time_s", finite, "is not a time"), np.float64)
+    back = np.flatnonzero(np.diff(time_s) < 0.0)
+    if len(back):
+        row = int(back[0]) + 1
+        told = f"time_s {time_s[row]:g} is before the row above"
+        raise InputError(f"{path}: line {table.line[row]}: {told}")
+    if not len(time_s):
         raise InputError(f"{path}: no edges")
-    both = np.array(levels, np.int64)
-    return np.array(times), both[:, 0], both[:, 1]
+    return time_s, table.levels("comparator"), table.levels("gate")
 
 
 def sample(

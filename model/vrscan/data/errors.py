@@ -1,7 +1,9 @@
 """Errors that end a command with a message of one line."""
 
 import difflib
-from collections.abc import Iterable, Iterator
+import reprlib
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -66,6 +68,27 @@ def blamed(source: str) -> Iterator[None]:
         raise InputError(f"{source}: {error}") from error
 
 
+@contextmanager
+def reading(path: Path, wrong: str, *endings: str) -> Iterator[None]:
+    """Return a context in which whatever a library raises is an ``InputError`` of the file.
+
+    Args:
+        path: The file.
+        wrong: What is wrong with a file that the library cannot read.
+        endings: As those of ``unread``.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a library, about a damaged file
+            yield
+    except InputError:
+        raise
+    except Exception as error:  # damaged bytes make libraries raise errors of every kind
+        if isinstance(error, OSError) and error.strerror:
+            raise InputError(f"{path}: {unread(error, path, *endings)}") from error
+        raise InputError(f"{path}: {wrong} ({one_line(error)})") from error
+
+
 class InterruptError(Exception):
     """Ctrl-C with a message of one line; the commands print it and end with status 130."""
 
@@ -80,6 +103,29 @@ class LinesError(InputError, ValueError):
 
 class InputWarning(UserWarning):
     """Input that is good as far as it goes; the text is one line that says what is assumed."""
+
+
+class _Short(reprlib.Repr):
+    def repr_int(self, x: int, level: int) -> str:
+        # Python writes no integer of more than 4300 digits.
+        return repr(x) if x.bit_length() <= 128 else f"<integer of {x.bit_length()} bits>"
+
+
+_SHORT = _Short()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 3, 80, 80
+_SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = 8
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: in one line, and short however large it is."""
+    return _SHORT.repr(value)
+
+
+def listed(words: Sequence[str], most: int = 12) -> str:
+    """Return words with commas between them, "none", or the first of very many."""
+    more = f", ... ({len(words)})" if len(words) > most else ""
+    short = [word if len(word) <= 40 else f"{word[:37]}..." for word in words[:most]]
+    return ", ".join(short) + more or "none"
 
 
 def one_line(error: BaseException) -> str:

@@ -19,14 +19,21 @@ import numpy.typing as npt
 from vrscan.data import line_pictures, line_signals, recordings
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
-from vrscan.data.csv_files import csv_fields
-from vrscan.data.errors import InputError, InputWarning, LinesError, alike, one_line, unread
+from vrscan.data.csv_files import read_matrix, read_table, whole
+from vrscan.data.errors import (
+    InputError,
+    InputWarning,
+    LinesError,
+    alike,
+    listed,
+    reading,
+)
 from vrscan.data.lines import Lines, joined, part
 
 # What an .npz holds.
 _ARRAYS = ("lines", "angle_rad", "power", "mirror_flags", "lens", "time_s", "y_mm")
-_SIGNALS = ".csv"
-_OTHERS = (*line_pictures.SUFFIXES, _SIGNALS)  # endings of files without numpy's arrays
+_WHOLE = ("power", "mirror_flags", "lens")  # of these, what holds whole numbers
+_TABLE = ".csv"
 _WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # in misspelt names
 _MISSPELT = 0.85  # likeness from which a name counts as misspelt
 
@@ -57,15 +64,8 @@ def read(path: Path, config: Config, angles: Path | None = None) -> Lines:
         InputError: naming the file and what is wrong, if it is missing, damaged or empty, or holds
             a misspelt name or what ``checked`` refuses.
     """
-    if path.is_dir() or path.suffix.lower() in (*_OTHERS, recordings.SUFFIX):
-        with opened(path, config, angles) as recorded:
-            return joined(list(recorded.blocks(recorded.count)))
-    arrays = _load(path)
-    arrays |= _beside(path, angles, arrays, arrays["lines"])
-    found = _checked(path, arrays, config)
-    if "angle_rad" not in arrays:
-        _warn(path)
-    return found
+    with opened(path, config, angles) as recorded:
+        return joined(list(recorded.blocks(recorded.count)))
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,12 @@ class Recording:
 
 
 @contextlib.contextmanager
-def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[Recording]:
+def opened(
+    path: Path,
+    config: Config,
+    angles: Path | None = None,
+    called: Mapping[str, str] | None = None,
+) -> Iterator[Recording]:
     """Open a file that ``read`` reads, to read and check its lines block by block.
 
     Only an array in Fortran order, of which no line is in one piece, and a logic analyser's table
@@ -93,6 +98,7 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
         path: The file.
         config: The configuration, as in ``read``.
         angles: A file of angles, as in ``read``.
+        called: Names of the columns of a logic analyser's table, as ``line_signals.read`` takes.
 
     Raises:
         InputError: as ``read``, here or from ``blocks``.
@@ -103,10 +109,12 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
         yield Recording(*recordings.read_lines(path, config))
         return
     with contextlib.ExitStack() as stack:
-        columns = _columns(path, config, stack)
+        columns = _columns(path, config, stack, called)
         more = _beside(path, angles, columns, columns["lines"].kind)
         columns |= {name: _Given(array) for name, array in more.items()}
         kinds = {name: column.kind for name, column in columns.items()}
+        if kinds["lines"].dtype.kind in "iuf":  # the blocks' pixels are checked
+            kinds["lines"] = np.broadcast_to(np.uint16(0), kinds["lines"].shape)
         _checked(path, kinds, config, pixels=False)
         count = len(kinds["lines"])
 
@@ -119,7 +127,7 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
                 if whole is not None:
                     yield part(whole, rows)
                     continue
-                with _as_input_error(path):
+                with _reading(path):
                     arrays = {n: c.rows(rows.stop - start) for n, c in columns.items()}
                     if rows.stop == count:
                         for column in columns.values():
@@ -131,34 +139,44 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
         yield Recording(count, blocks)
 
 
-def _members(path: Path, file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, IO[bytes]]:
-    """Return the arrays of a file that belong to a recording, as open files; see ``_load``."""
+def _members(path: Path, file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, "_Source"]:
+    """Return the arrays of a file that belong to a recording, open; see ``_load``."""
     start = file.read(2)
     file.seek(0)
     if start != b"PK":
-        return {"lines": file}
+        return {"lines": _Column(file, path.stat().st_size)}
     packed = stack.enter_context(zipfile.ZipFile(file))
-    there = {name.removesuffix(".npy"): name for name in packed.namelist()}
+    there = {each.filename.removesuffix(".npy"): each for each in packed.infolist()}
     _check_names(path, list(there))
     return {
-        name: stack.enter_context(packed.open(there[name])) for name in _ARRAYS if name in there
+        name: _Column(stack.enter_context(packed.open(there[name])), there[name].file_size)
+        for name in _ARRAYS
+        if name in there
     }
 
 
-def _columns(path: Path, config: Config, stack: contextlib.ExitStack) -> dict[str, "_Source"]:
+def _columns(
+    path: Path,
+    config: Config,
+    stack: contextlib.ExitStack,
+    called: Mapping[str, str] | None,
+) -> dict[str, "_Source"]:
     """Return the arrays of a file, open to read them row by row."""
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in line_pictures.SUFFIXES:
         pictures = line_pictures.Pictures(path, config.sensor.pixel_width)
         stack.callback(pictures.end)
         return {"lines": pictures}
-    if suffix == _SIGNALS:
-        return {"lines": _Given(line_signals.read(path, config.sensor.line_length))}
-    with _as_input_error(path):
+    if suffix == _TABLE:
+        matrix = read_matrix(path)
+        if matrix is not None:
+            return {"lines": _Given(matrix)}
+        return {"lines": _Given(line_signals.read(path, config.sensor.line_length, called))}
+    with _reading(path):
         file = stack.enter_context(path.open("rb"))
         if not file.peek(1):
             raise InputError(f"{path}: empty file (0 bytes)")
-        return {name: _Column(each) for name, each in _members(path, file, stack).items()}
+        return _members(path, file, stack)
 
 
 def _beside(
@@ -167,32 +185,20 @@ def _beside(
     """Return what a file of angles has for the lines of another file."""
     if angles is None:
         return {}
-    header, *rows = [row for row in csv_fields(angles) if row] or [[]]
-    names = [name.strip() for name in header]
-    wrong = [name for name in names if name not in _ARRAYS[1:]]
-    if wrong or "angle_rad" not in names or len(set(names)) < len(names):
+    table = read_table(angles)
+    wrong = [name for name in table.names if name not in _ARRAYS[1:]]
+    if wrong or "angle_rad" not in table.names:
         raise InputError(
-            f"{angles}: columns {','.join(names)!r}, known are {','.join(_ARRAYS[1:])}"
+            f"{angles}: columns {listed(table.names)}, known are {','.join(_ARRAYS[1:])}"
         )
-    both = sorted(set(names) & set(there))
+    table.need(table.names)
+    both = sorted(set(table.names) & set(there))
     if both:
         raise InputError(f"{angles}: {both[0]} is in {path}, too")
     count = math.prod(lines.shape[:1])
-    if len(rows) != count:
-        raise InputError(f"{angles}: {len(rows)} rows for the {count} lines of {path}")
-    found: dict[str, npt.NDArray[Any]] = {}
-    for place, name in enumerate(names):
-        kind = int if name in ("power", "mirror_flags") else float
-        column = []
-        for number, row in enumerate(rows, start=2):
-            try:
-                column.append(kind(row[place]))
-            except (ValueError, IndexError):
-                text = row[place] if place < len(row) else ""
-                told = f"{angles}: line {number}: {name} {text!r} is no number"
-                raise InputError(told) from None
-        found[name] = np.array(column, np.int64 if kind is int else np.float64)
-    return found
+    if len(table.rows) != count:
+        raise InputError(f"{angles}: {len(table.rows)} rows for the {count} lines of {path}")
+    return {name: table.column(name, whole if name in _WHOLE else float) for name in table.names}
 
 
 class _Source(Protocol):
@@ -232,17 +238,21 @@ class _Column:
         in_order: Whether the rows lie one after the other in the file.
     """
 
-    def __init__(self, file: IO[bytes]) -> None:
+    def __init__(self, file: IO[bytes], size: int) -> None:
+        """Read the header of an array in a file of ``size`` bytes."""
         self._file = file
         version = np.lib.format.read_magic(file)
         if version == (1, 0):
             shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
-        elif version == (2, 0):
+        elif version in ((2, 0), (3, 0)):  # which differ in names of fields, of which it has none
             shape, fortran, dtype = np.lib.format.read_array_header_2_0(file)
         else:
+            raise ValueError(f"its header has version {version}")
+        if dtype.hasobject or dtype.names:
             raise ValueError("no array of plain numbers")
-        if dtype.hasobject:
-            raise ValueError("no array of plain numbers")
+        there, wanted = size - file.tell(), math.prod(shape) * dtype.itemsize
+        if there < wanted:
+            raise ValueError(f"it ends too early: {there} bytes of {wanted:.15g} for {shape}")
         self._dtype = dtype
         self.kind = np.broadcast_to(np.zeros((), dtype.newbyteorder("=")), shape)
         self._one: npt.NDArray[Any] | None = None
@@ -267,35 +277,18 @@ class _Column:
             pass
 
 
-@contextlib.contextmanager
-def _as_input_error(path: Path) -> Iterator[None]:
-    """Turn the errors of reading a file into an ``InputError``."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # warnings of numpy about a damaged header
-            yield
-    except InputError:
-        raise
-    except OSError as error:
-        told = unread(error, path, ".npy", ".npz", recordings.SUFFIX)
-        raise InputError(f"{path}: {told}") from error
-    except Exception as error:  # a damaged file makes numpy, zipfile, zlib and tokenize raise
-        reason = one_line(error)
-        if "pickle" in reason:  # numpy knows neither the format nor the type
-            reason = "no array of plain numbers"
-        raise InputError(f"{path}: not a .npy or .npz file of lines ({reason})") from error
+def _reading(path: Path) -> contextlib.AbstractContextManager[None]:
+    wrong = "not a .npy or .npz file of lines"
+    return reading(path, wrong, ".npy", ".npz", recordings.SUFFIX)
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of a file that belong to a recording; a bare array is ``lines``."""
-    with _as_input_error(path), path.open("rb") as file:
-        if not file.peek(1):
-            raise InputError(f"{path}: empty file (0 bytes)")
-        loaded = np.load(file, allow_pickle=False)
+    with _reading(path):
+        loaded = np.load(path, allow_pickle=False)
         if isinstance(loaded, np.ndarray):
             return {"lines": loaded}
         with loaded:
-            _check_names(path, loaded.files)
             return {name: loaded[name] for name in _ARRAYS if name in loaded.files}
 
 

@@ -4,49 +4,46 @@ The pins are those of the boards: ``sensor_clk``, ``sensor_valid`` and ``sensor_
 taken at each rising edge of the clock with valid high, and a line ends when valid is low at one.
 """
 
-import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from vrscan.data.arrays import Ints, Pixels
-from vrscan.data.csv_files import csv_fields
+from vrscan.data.arrays import Pixels
+from vrscan.data.csv_files import read_table, whole
 from vrscan.data.errors import InputError
 
 CLOCK, VALID, PIXEL = "sensor_clk", "sensor_valid", "sensor_pixel"
 _MOST_BITS = 16
 
 
-def read(path: Path, line_length: int) -> Pixels:
+def read(path: Path, line_length: int, columns: Mapping[str, str] | None = None) -> Pixels:
     """Return the whole lines of a recording, uint16 [n, line_length].
 
     Args:
         path: A CSV file with a row at each sample or at each change. Its columns, in any order and
             with others between them, are ``sensor_clk`` and ``sensor_valid``, 0 or 1, and the
             pixel: ``sensor_pixel``, a number, decimal or ``0x``, or ``sensor_pixel[0]`` and so on,
-            a bit each. Names may end in ``_i``; spaces and the case of letters do not matter. Rows
-            that begin with ``;`` or ``#`` are comments.
+            a bit each. Names may end in ``_i``; spaces and the case of letters do not matter.
         line_length: Number of pixels of a line. The lines at the recording's ends may be cut off,
             and are left out.
+        columns: Names of the file's columns, by those above, where they differ.
 
     Raises:
         InputError: naming the file, and the line if one is wrong, if it is missing, lacks a column,
             a level is not one, a line between others has another length, or none is whole.
     """
-    table = [(n, row) for n, row in enumerate(csv_fields(path), 1) if row and any(row)]
-    table = [(n, row) for n, row in table if not row[0].lstrip().startswith((";", "#"))]
-    header = [_name(each) for each in table[0][1]] if table else []
-    bits = [f"{PIXEL}[{k}]" for k in range(_MOST_BITS) if f"{PIXEL}[{k}]" in header]
+    table = read_table(path, columns=columns)
+    bits = [f"{PIXEL}[{k}]" for k in range(_MOST_BITS) if f"{PIXEL}[{k}]" in table.names]
     if bits != [f"{PIXEL}[{k}]" for k in range(len(bits))]:
         raise InputError(f"{path}: bits of {PIXEL} are missing: there are {', '.join(bits)}")
-    words = [PIXEL] if PIXEL in header else bits
-    if {"x_mm", "z_mm"} <= set(header):
+    words = [PIXEL] if PIXEL in table.names else bits
+    if {"x_mm", "z_mm"} <= set(table.names):
         raise InputError(f"{path}: holds points, not lines")
-    for name in (CLOCK, VALID, *(words or [PIXEL])):
-        if name not in header:
-            raise InputError(f"{path}: no column {name} (has {', '.join(header) or 'none'})")
-    levels = {name: _levels(path, table[1:], header.index(name), name, name == PIXEL)
-              for name in (CLOCK, VALID, *words)}  # fmt: skip
+    table.need((CLOCK, VALID, *(words or [PIXEL])))
+    levels = {name: table.levels(name) for name in (CLOCK, VALID, *bits)}
+    if words != bits:
+        levels[PIXEL] = np.asarray(table.column(PIXEL, _count), np.int64)
     clock = levels[CLOCK]
     edge = np.flatnonzero((clock[1:] == 1) & (clock[:-1] == 0)) + 1
     if words == bits:
@@ -64,7 +61,7 @@ def read(path: Path, line_length: int) -> Pixels:
     inner = (begin > 0) & (end < len(valid))
     wrong = np.flatnonzero(inner & ~whole)
     if len(wrong):
-        row = table[1 + int(edge[begin[wrong[0]]])][0]
+        row = table.line[int(edge[begin[wrong[0]]])]
         length = int((end - begin)[wrong[0]])
         raise InputError(f"{path}: line {row}: {length} px until {VALID} falls, want {line_length}")
     if not whole.any():
@@ -74,23 +71,9 @@ def read(path: Path, line_length: int) -> Pixels:
     )
 
 
-def _name(text: str) -> str:
-    """Return the name of a column as it is meant."""
-    name = re.sub(r"\s", "", text).lower()
-    return re.sub(r"_i(?=$|\[)", "", name)
-
-
-def _levels(
-    path: Path, rows: list[tuple[int, list[str]]], place: int, name: str, number: bool
-) -> Ints:
-    """Return a column of levels, 0 or 1, or of numbers [rows]."""
-    found = np.zeros(len(rows), np.int64)
-    for index, (line, row) in enumerate(rows):
-        text = row[place].strip() if place < len(row) else ""
-        try:
-            found[index] = int(text, 0 if text[:2].lower() == "0x" else 10)
-        except (ValueError, OverflowError):
-            raise InputError(f"{path}: line {line}: {name} {text!r} is no number") from None
-        if not (number and found[index] >= 0) and text not in ("0", "1"):
-            raise InputError(f"{path}: line {line}: {name} {text!r} is not 0 or 1")
-    return found
+def _count(text: str) -> int:
+    """Return a pixel's value; raise ValueError for what is none."""
+    value = whole(text)
+    if value < 0:
+        raise ValueError(text)
+    return value

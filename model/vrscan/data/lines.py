@@ -82,6 +82,8 @@ def bare(recording: Lines) -> Lines:
 
 def joined(parts: Sequence[Lines]) -> Lines:
     """Return all lines of ``parts``, at least one; with truth if the first have it."""
+    if len(parts) == 1:
+        return parts[0]
     truths = [each.truth for each in parts if each.truth is not None]
     lenses = [each.lens for each in parts if each.lens is not None]
     numbers = [each.number for each in parts if each.number is not None]

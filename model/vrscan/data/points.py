@@ -20,8 +20,8 @@ import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats, Ints, all_rows, some_rows
-from vrscan.data.csv_files import csv_fields
-from vrscan.data.errors import InputError, nearest
+from vrscan.data.csv_files import read_table
+from vrscan.data.errors import InputError, nearest, shown
 from vrscan.data.table import Table, flag_bits, flag_texts
 
 COLUMNS = (
@@ -363,16 +363,14 @@ def read_csv(path: Path) -> Table:
         InputError: naming the file, and the line if one is wrong, if it is missing, has no row or
             lacks a column, a number is none, or a flag is not known.
     """
-    header, *rows = csv_fields(path, "a table of points") or [[]]
-    lacking = [name for name in COLUMNS.split(",") if name not in header and name not in _ADDED]
+    table = read_table(path, "a table of points")
+    lacking = [name for name in COLUMNS.split(",") if name not in (*table.names, *_ADDED)]
     if lacking:
         raise InputError(f"{path}: no column {lacking[0]}: not a points.csv with full points")
+    rows = table.rows
     if not rows:
         raise InputError(f"{path}: no points")
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(header):
-            raise InputError(f"{path}: line {number}: {len(row)} fields, want {len(header)}")
-    texts = dict(zip(header, zip(*rows, strict=True), strict=True))
+    texts = dict(zip(table.names, zip(*rows, strict=True), strict=True))
     empty = ("",) * len(rows)
 
     def numbers(name: str, otherwise: float = math.nan) -> Floats:
@@ -382,11 +380,11 @@ def read_csv(path: Path) -> Table:
             found = np.array([float(text) if text else otherwise for text in column])
             if np.isfinite(found).sum() >= len(column) - column.count(""):
                 return found
-        for number, text in enumerate(column, start=2):
+        for number, text in zip(table.line, column, strict=True):
             with contextlib.suppress(ValueError):
                 if math.isfinite(float(text or "0")):
                     continue
-            raise InputError(f"{path}: line {number}: {name} {text!r} is no number")
+            raise InputError(f"{path}: line {number}: {name} {shown(text)} is no number")
         raise AssertionError(name)
 
     def whole(name: str) -> Ints:
@@ -395,9 +393,9 @@ def read_csv(path: Path) -> Table:
     kinds = {kind: set(kind.split("|")) - {""} for kind in set(texts["flags"])}
     for kind, names in kinds.items():
         for name in sorted(names - set(pkg.FLAGS)):
-            number = 2 + texts["flags"].index(kind)
+            number = table.line[texts["flags"].index(kind)]
             raise InputError(
-                f"{path}: line {number}: no such flag: {name}{nearest(name, pkg.FLAGS)}"
+                f"{path}: line {number}: no such flag: {shown(name)}{nearest(name, pkg.FLAGS)}"
             )
     places = {name: numbers(name, 0.0) for name in ("position_px", "x_mm", "z_mm")}
     fractions = [len(texts[name][0].partition(".")[2]) for name in ("row_mean", "row_variance")]

@@ -1,14 +1,13 @@
 """Poses of the scanner over time, which make a cloud of a scan by a scanner that moves or pans."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from vrscan.data.arrays import Floats
-from vrscan.data.csv_files import csv_fields
-from vrscan.data.errors import InputError
+from vrscan.data.csv_files import finite, read_table
+from vrscan.data.errors import InputError, listed
 from vrscan.data.extras import named
 
 PLACE = ("time_s", "x_mm", "y_mm", "z_mm")
@@ -81,35 +80,25 @@ def read(path: Path) -> Poses:
     with named():
         from scipy.spatial.transform import Rotation
 
-    rows = csv_fields(path)
-    header = [name.strip() for name in rows[0]] if rows else []
-    turns = next((each for each in (ANGLES, QUATERNION) if set(each) <= set(header)), ())
-    if not set(PLACE) <= set(header) or not turns:
+    table = read_table(path)
+    turns = next((each for each in (ANGLES, QUATERNION) if set(each) <= set(table.names)), ())
+    if not set(PLACE) <= set(table.names) or not turns:
         wanted = f"{','.join(PLACE)} and {','.join(ANGLES)} or {','.join(QUATERNION)}"
-        raise InputError(f"{path}: columns {','.join(header)!r}, want {wanted}")
-    order = [header.index(name) for name in (*PLACE, *turns)]
-    values: list[list[float]] = []
-    for number, row in enumerate(rows[1:], start=2):
-        if not row:
-            continue
-        try:
-            value = [float(row[place]) for place in order]
-        except (ValueError, IndexError):
-            value = [math.nan]
-        if not all(map(math.isfinite, value)):
-            raise InputError(f"{path}: line {number}: not {len(order)} numbers ({','.join(row)})")
-        if values and value[0] <= values[-1][0]:
-            raise InputError(
-                f"{path}: line {number}: time_s {value[0]:g} is not after the line above"
-            )
-        if turns == QUATERNION and abs(math.hypot(*value[4:]) - 1.0) > _UNIT:
-            raise InputError(f"{path}: line {number}: no unit quaternion ({','.join(row)})")
-        values.append(value)
+        raise InputError(f"{path}: columns {listed(table.names)}, want {wanted}")
+    table.need((*PLACE, *turns))
+    values = np.stack([table.column(name, finite) for name in (*PLACE, *turns)], 1)
+    late = np.flatnonzero(np.diff(values[:, 0]) <= 0.0) + 1
+    if len(late):
+        told = f"time_s {values[late[0], 0]:g} is not after the row above"
+        raise InputError(f"{path}: line {table.line[late[0]]}: {told}")
+    off = np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1.0) > _UNIT
+    if turns == QUATERNION and off.any():
+        row = int(off.argmax())
+        raise InputError(f"{path}: line {table.line[row]}: no unit quaternion ({values[row, 4:]})")
     if len(values) < 2:
         raise InputError(f"{path}: {len(values)} poses, needs 2")
-    found = np.array(values)
     if turns == ANGLES:
-        turn = Rotation.from_euler("ZYX", found[:, [6, 5, 4]], degrees=True).as_quat()
+        turn = Rotation.from_euler("ZYX", values[:, [6, 5, 4]], degrees=True).as_quat()
     else:
-        turn = Rotation.from_quat(found[:, 4:]).as_quat()
-    return Poses(str(path), found[:, 0], found[:, 1:4], np.asarray(turn))
+        turn = Rotation.from_quat(values[:, 4:]).as_quat()
+    return Poses(str(path), values[:, 0], values[:, 1:4], np.asarray(turn))

@@ -396,13 +396,21 @@ def read_points(path: Path) -> Table:
     return told(read(path)).points if is_recording(path) else read_csv(path)
 
 
-def read_edges(path: Path) -> tuple[Floats, Ints, Ints]:
+def read_edges(path: Path, columns: Mapping[str, str] | None = None) -> tuple[Floats, Ints, Ints]:
     """Return the edges of a recording or of a table; faults of a recording are warned of.
+
+    Args:
+        path: The file.
+        columns: Names of a table's columns, as those of ``edges.read``.
 
     Raises:
         InputError: as ``read`` and ``edges.read``, or if there are none.
     """
-    return told(read(path)).edges if is_recording(path) else edges.read(path)
+    if not is_recording(path):
+        return edges.read(path, columns)
+    if columns:
+        raise InputError(f"--columns: {path} is no table")
+    return told(read(path)).edges
 
 
 def read_config(path: Path, given: Path | None) -> Config:

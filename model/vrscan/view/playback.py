@@ -2,8 +2,6 @@
 
 import threading
 import time
-import zipfile
-import zlib
 from collections import deque
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import numpy as np
 
 from vrscan.data import line_files, recordings
 from vrscan.data.config import Config
-from vrscan.data.errors import InputError, one_line
+from vrscan.data.errors import reading
 from vrscan.data.lines import Lines
 from vrscan.data.points import read_csv, table
 from vrscan.data.records import Form, form_points
@@ -156,20 +154,13 @@ def _link_points(path: Path) -> Table | None:
     """Return the points of a file of ``link points``, .npz, or None where it is another one."""
     if path.suffix != ".npz":
         return None
-    try:
-        with np.load(path) as file:
-            if "account_records" not in file:
-                return None
-            form = (
-                Form.FULL if "bits" in file else Form.SPACE if "free_to" in file else Form.COMPACT
-            )
-            kind = DTYPES[form]
-            found = np.zeros(len(file["line"]), kind)
-            for name in kind.names or ():
-                found[name] = file[name]
-            formats = int(file["pixel_width"]), int(file["unit_mm"]) if "unit_mm" in file else 1
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or one_line(error)}") from error
-    except (ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: damaged ({one_line(error)})") from error
+    with reading(path, "damaged"), np.load(path) as file:
+        if "account_records" not in file:
+            return None
+        form = Form.FULL if "bits" in file else Form.SPACE if "free_to" in file else Form.COMPACT
+        kind = DTYPES[form]
+        found = np.zeros(len(file["line"]), kind)
+        for name in kind.names or ():
+            found[name] = file[name]
+        formats = int(file["pixel_width"]), int(file["unit_mm"]) if "unit_mm" in file else 1
     return table(form_points(found, form, *formats))

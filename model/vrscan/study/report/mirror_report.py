@@ -1,6 +1,7 @@
 """A run of the mirror's loop compared with the truth: mirror.csv, its summary, its picture."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -611,13 +612,18 @@ def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
         axes.set(title="Angle of the last lines", ylabel="scan angle in degrees")
 
 
-def read_edges(path: Path, config: Config) -> tuple[Rows, float, float]:
+def read_edges(
+    path: Path, config: Config, columns: Mapping[str, str] | None = None
+) -> tuple[Rows, float, float]:
     """Return a recording's samples, its amplitude, rad, and its length, s.
 
+    Times before 0, such as those before a trigger, are counted from the first row.
+
     Raises:
-        InputError: as ``recordings.read_edges``.
+        InputError: as ``recordings.read_edges``, whose arguments ``path`` and ``columns`` are.
     """
-    time, comparator, gate = recordings.read_edges(path)
+    time, comparator, gate = recordings.read_edges(path, columns)
+    time = time - min(float(time[0]), 0.0)
     rows = edges.sample(
         time,
         comparator,
