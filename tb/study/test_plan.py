@@ -141,6 +141,33 @@ def test_a_plan_does_not_depend_on_how_long_things_take(monkeypatch: pytest.Monk
     ]
 
 
+def test_a_table_made_at_first_use_is_no_effects_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tyre far out of focus needs many tables of speckle; each takes a second of this clock."""
+    tyre = {"kind": "cylinder", "position_mm": [0, 0, 1200], "radius_mm": 300, "length_mm": 200}
+    light = Light(parse({"target": [tyre]}, "tyre", Path()), CONFIG)
+    now = [0.0]
+
+    def clock() -> float:
+        now[0] += 1e-6
+        return now[0]
+
+    make = Speckle._make
+
+    def slow(speckle: Speckle, level: int) -> None:
+        now[0] += 1.0
+        make(speckle, level)
+
+    monkeypatch.setattr(Speckle, "_make", slow)
+    monkeypatch.setattr("time.thread_time", clock)
+    found = plan(light, 3000, fidelity="full", each=True)
+    cost = {each.name: each.microseconds for each in found.predictions}
+    print(
+        f"speckle {cost['speckle']:.3f} us, grain {cost['grain']:.3f}, in all {found.microseconds}"
+    )
+    assert now[0] > 3.0
+    assert cost["speckle"] < 1.0 and found.microseconds[1] < 10.0
+
+
 def test_a_plan_says_what_it_decided() -> None:
     found = _plan("default", 0.03)
     assert found.fidelity == "auto"

@@ -12,6 +12,7 @@ from scipy.special import j0
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Positive, Section
 from vrscan.data.errors import InputError
+from vrscan.scene.legendre import legendre
 from vrscan.scene.row_profile import CutBeam, cut_beam
 
 _E2 = math.exp(-2.0)
@@ -84,7 +85,7 @@ def far_field(sine: Floats, ratio: float) -> Floats:
     """
     if ratio < _UNCUT:
         raise ValueError(f"far_field: the ratio must be at least {_UNCUT}, and is {ratio}")
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    nodes, weights = legendre(_NODES)
     x = 0.5 * (nodes + 1.0)
     field = weights * x * np.exp(-np.square(x / ratio))
     u = np.asarray(sine, np.float64)[..., None]

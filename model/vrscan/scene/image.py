@@ -28,7 +28,9 @@ from scipy.special import erf
 
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import Config
+from vrscan.data.kept import Array, kept
 from vrscan.ideal.geometry import ThinLens
+from vrscan.scene.legendre import legendre
 from vrscan.scene.radiometry import mtf
 from vrscan.scene.row_profile import CutBeam
 
@@ -56,12 +58,17 @@ _NODES = 800  # nodes of the quadrature over a quarter turn: the last frequency 
 
 @functools.cache
 def _slices() -> tuple[npt.NDArray[np.float32], Floats]:
+    found = kept(_sliced, names=("table", "share"))
+    return np.asarray(found["table"], np.float32), np.asarray(found["share"], np.float64)
+
+
+def _sliced() -> dict[str, Array]:
     """Return the normalised transform of k [heights, frequencies], and the row's share [heights].
 
     The share is the integral of k for a = 1: of all light in the image, the part in a row of height
     1 where the disc's radius is 1.
     """
-    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    node, weight = legendre(_NODES)
     angle, weight = 0.25 * np.pi * (node + 1.0), 0.25 * np.pi * weight
     # x = sin(angle): 2/pi integral cos(angle) erf(cos(angle) / (sqrt2 r)) cos(2 pi q sin(angle)).
     chord = np.cos(angle) * erf(np.cos(angle) / (np.sqrt(2.0) * _HEIGHTS[:, None])) * weight
@@ -69,7 +76,7 @@ def _slices() -> tuple[npt.NDArray[np.float32], Floats]:
     wave = np.cos(2.0 * np.pi * np.sin(angle)[:, None] * frequency)
     table = 2.0 / np.pi * chord @ wave
     share = table[:, 0].copy()
-    return (table / share[:, None]).astype(np.float32), share
+    return {"table": (table / share[:, None]).astype(np.float32), "share": share}
 
 
 def defocus_radius_px(depth_mm: Floats, focus_mm: float, f_number: float, config: Config) -> Floats:

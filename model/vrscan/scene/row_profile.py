@@ -17,14 +17,17 @@ integral across the row, weighted with the transform of the band's height.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import erf, j1
 
 from vrscan.data.arrays import Floats, Ints
+from vrscan.data.kept import Array, kept
+from vrscan.scene.legendre import legendre
 
 Singles = npt.NDArray[np.float32]
 
@@ -35,7 +38,7 @@ _STEP, _END = 0.0125, 3.2  # frequencies, in cycles per 1/e2 radius
 _PLACE, _FARTHEST = 0.05, 6.0  # places, in 1/e2 radii
 _DISCS = 65  # radii of the lens's disc, even in r / (1 + r)
 _FINE = 8  # steps between tabulated zones and bands, to the nearest of which shapes are computed
-_LEGENDRE = np.polynomial.legendre.leggauss(40)
+_LEGENDRE = legendre(40)
 _FIT_TURNS = 1.0 + _LEGENDRE[0]  # frequencies of a fit, in cycles per approximate radius
 _TRIALS = np.linspace(0.4, 1.4, 101)  # radii that a fit tries, before a parabola through three
 
@@ -58,7 +61,7 @@ def stop_transform(shift: Floats, turns: Floats, ratio: float) -> Floats:
         turns: Frequencies in cycles per radius of the stop [n]; 0 in the far field.
         ratio: 1/e2 diameter of the beam at the stop over the stop's diameter.
     """
-    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    node, weight = legendre(_NODES)
     t = np.minimum(shift, 1.0)[:, None]
     # x = (1 - t) sin(angle), as the chord has a root at its end.
     angle = 0.25 * math.pi * (node + 1.0)
@@ -213,12 +216,19 @@ def _fitted(light: Floats) -> float:
 
 @lru_cache(maxsize=16)
 def cut_beam(ratio: float, far: float) -> CutBeam:
-    """Tabulate a beam behind a stop.
+    """Return the tables of a beam behind a stop.
 
     Args:
         ratio: 1/e2 diameter of the beam at the stop over the stop's diameter.
         far: 1/e2 radius of the far field over nu, in radii of the stop.
     """
+    names = [field.name for field in fields(CutBeam) if field.name != "far"]
+    found: dict[str, Any] = kept(_tabulated, ratio, far, names=names)
+    return CutBeam(**found | {"near": float(found["near"]), "far": far})
+
+
+def _tabulated(ratio: float, far: float) -> dict[str, Array]:
+    """Return all of a ``CutBeam`` but ``far``."""
 
     def transform(zone: float, scale: float, turns: Floats) -> Floats:
         """Transform at frequencies in cycles per ``scale`` times the radius near or far."""
@@ -262,13 +272,12 @@ def cut_beam(ratio: float, far: float) -> CutBeam:
     gone = np.cumsum(0.5 * _PLACE * (light[..., 1:] + light[..., :-1]), axis=2)
     moment = places * light
     moment[..., 1:] -= gone
-    return CutBeam(
-        near=near,
-        far=far,
-        radii=radii,
-        transforms=transforms.astype(np.float32),
-        light=light.astype(np.float32),
-        moment=moment.astype(np.float32),
-        middle=middle,
-        bend=bend,
-    )
+    return {
+        "near": np.array(near),
+        "radii": radii,
+        "transforms": transforms.astype(np.float32),
+        "light": light.astype(np.float32),
+        "moment": moment.astype(np.float32),
+        "middle": middle,
+        "bend": bend,
+    }

@@ -28,6 +28,7 @@ from scipy.special import erf
 
 from vrscan.data.arrays import Floats, Ints
 from vrscan.ideal.geometry import ThinLens
+from vrscan.scene.legendre import legendre
 from vrscan.scene.radiometry import mtf
 
 Singles = npt.NDArray[np.float32]
@@ -55,7 +56,7 @@ _NODES = 160  # nodes of the quadrature; the integrand has less than 30 oscillat
 @lru_cache(maxsize=1)
 def _nodes() -> tuple[Floats, Floats, Floats]:
     """Return nodes and weights over 0 to 1, and the transfer function at each pair of nodes."""
-    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    node, weight = legendre(_NODES)
     u = 0.5 * (node + 1.0)
     return u, 0.5 * weight, mtf(np.hypot(u[:, None], u))
 
