@@ -247,10 +247,12 @@ module vrscan #(
 
   // ---- mirror ----
   logic [IndexOversample-1:0] index_gate;
-  if (Polygon) begin : gen_lit  // its one diode shows the light that is on it
-    lit_gate #(.Samples(IndexOversample), .AnswerClks(ClockHz / 1_000_000 + 1)) u_lit_gate (
-      .clk_i, .rst_i(rst_laser_control), .lit_i(pulse_o || index_light_o), .gate_i,
-      .gate_o(index_gate)
+  if (Polygon) begin : gen_lit  // its one diode shows every change of the light
+    lit_gate #(
+      .Samples(IndexOversample), .AnswerClks(ClockHz / 1_000_000 + 1), .LevelClks(ClockHz / 200)
+    ) u_lit_gate (
+      .clk_i, .rst_i(rst_laser_control), .pulse_i(pulse_o), .index_light_i(index_light_o),
+      .startup_i(startup_o), .gate_i, .gate_o(index_gate)
     );
   end else begin : gen_gate
     assign index_gate = gate_i;

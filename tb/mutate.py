@@ -1174,8 +1174,15 @@ FAULTS = [
     ),
     *faults(
         "rtl/safety/lit_gate.sv",
-        ("a light that ends is forgotten", "if (rst_i || !lit_i) lit_q", "if (rst_i) lit_q"),
-        ("a pulse opens it", "lit_q == LitWidth'(AnswerClks) ? gate_i", "lit_q != '0 ? gate_i"),
+        ("a light that ends is forgotten", "else if (!lit && left_q", "else if (left_q"),
+        ("a pulse opens it", "index_light_i && !pulse_i;", "index_light_i || pulse_i;"),
+        ("a level that changes is forgotten", "rst_i || startup_i != startup_q", "rst_i"),
+        (
+            "one bit of the level is not looked at",
+            "startup_i != startup_q",
+            "|(startup_i[15:1] ^ startup_q[15:1])",
+        ),
+        ("no answer is waited for", "left_q <= LeftWidth'(AnswerClks);", "left_q <= '0;"),
     ),
     *faults(
         "rtl/safety/guard_watch.sv",

@@ -1,8 +1,8 @@
 // scan_safeguard_properties: the light behind a mirror that stops, whatever the registers hold.
 //
 // The real index_capture, mirror_drive, scan_safeguard and laser_interlock; every register and the
-// samples of the index are free in every clock.  quiet_q counts from the last clock in which a sample
-// of the index changed: a mirror at rest and a constant comparator change none.  RealMirror 0 takes
+// samples of the index are free in every clock.  quiet_q counts from the last clock in which the
+// comparator changed within an opening of its gate: a beam at rest changes none.  RealMirror 0 takes
 // free states, words and index_alive in place of those of index_capture and mirror_drive, for
 // covers and faults, which the real ones would put beyond a solver's reach.  What begins with "step_"
 // is no claim of its own but what the induction needs; scripts/formal.py ties the wires "inside_*".
@@ -41,7 +41,8 @@ module scan_safeguard_properties #(
   input wire logic                         alive_i,
   input wire logic                         guard_ok_i,
   input wire register_pkg::laser_t         laser_i,
-  input wire register_pkg::laser_limits_t  laser_limits_i
+  input wire register_pkg::laser_limits_t  laser_limits_i,
+  output     logic [32:0]                  quiet_o
 );
 
   logic        index_alive, real_alive, scanning, startup_ok, pulse, index_light;
@@ -117,7 +118,7 @@ module scan_safeguard_properties #(
 
   // ---- inside ----
   (* keep *) wire inside_open_q, inside_full_q, inside_value_q, inside_known_q, inside_level_q;
-  (* keep *) wire inside_edge_q, inside_begun_q;
+  (* keep *) wire inside_edge_q, inside_begun_q, inside_whole_q;
   (* keep *) wire [$clog2(SettleClks+1)-1:0] inside_run_q;
   (* keep *) wire [$clog2(LightClks+1)-1:0] inside_clks_q;
   (* keep *) wire [TurnsFraction:0] inside_turns_q;
@@ -144,13 +145,15 @@ module scan_safeguard_properties #(
   logic        first_q = 1'b1;
   logic [ 1:0] comparator_q, gate_q;
   logic        changes, lit;
-  logic [32:0] quiet_q;  // clocks since a sample changed
+  logic [32:0] quiet_q;  // clocks since an edge
   logic [33:0] turned_q, turned_q2, turned_q3;  // turns of the drive, once the edge has been seen
   logic [31:0] dark_q;  // clocks without light of the start-up channel
-  logic [32:0] since_q;  // clocks since a sample changed or a pause ended
+  logic [32:0] since_q;  // clocks since an edge or the end of a pause
   logic [32:0] period_q;  // clocks since an outward edge
   logic        impossible_q, impossible_q2;  // the period is too short, or its beam too small
-  assign changes = comparator_i != comparator_q || gate_i != gate_q;
+  logic        good_q;  // a period within all limits ended a clock ago
+  assign changes = gate_i == '1 && gate_q == '1 && comparator_i != comparator_q;
+  assign quiet_o = quiet_q;
   assign lit     = index_light || startup != '0;
   logic        lit_state_q;  // SETTLE or RUN, a clock ago
   logic        searched_q, dark_before_q;  // there was light, and a whole pause behind it
@@ -180,6 +183,10 @@ module scan_safeguard_properties #(
     else if (inside_edge_q && inside_level_q) impossible_q <= period_q < 33'(PeriodFloorClks);
     else if (inside_edge_q && inside_turns_q < OuterTurns) impossible_q <= 1'b1;
     impossible_q2 <= !rst_i && impossible_q;
+    good_q <= !rst_i && inside_edge_q && inside_level_q && inside_begun_q && inside_whole_q &&
+              34'(inside_turns_q) >= ThreeHalves >> 1 && 34'(inside_turns_q) < ThreeHalves &&
+              32'(inside_clks_q) + 32'd1 >= PeriodFloorClks + EdgeClks &&
+              32'(inside_clks_q) + 32'd2 < LightClks;
 
     if (rst_i || dark_q >= PauseClks - 1) since_q <= '0;
     else if (changes) since_q <= 33'd1;
@@ -195,6 +202,7 @@ module scan_safeguard_properties #(
       assert (turned_q3 < ThreeHalves || (!pulse && power == '0));
       no_pulse_in_an_impossible_period:
       assert (!impossible_q || !impossible_q2 || (!pulse && power == '0));
+      a_good_period_is_taken: assert (!good_q || scanning);
       no_light_of_a_mirror_at_rest: assert (since_q < 33'(DarkClks) || !lit);
       no_start_up_light_but_in_settle_and_run: assert (!lit || lit_state_q);
       no_index_of_a_mirror_at_rest:

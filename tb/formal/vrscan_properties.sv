@@ -5,11 +5,14 @@
 // where it begins instead, pins and the registers' outputs, so that a wire to another place breaks
 // them.  The registers are free in every clock; register_file_properties says that they hold what
 // was written.  What no light depends on, from the pixels to the points and the link, is free, too.
+// In a build for a polygon the comparator is that of lit_gate_properties: free while the beam moves,
+// and at rest any function of the light.
 
 `default_nettype none
 
 module vrscan_properties #(
-  parameter int unsigned ClockHz = 100_000_000
+  parameter int unsigned ClockHz = 100_000_000,
+  parameter bit          Polygon = 1'b0
 ) (
   input wire logic        clk_i,
   input wire logic        rst_i,
@@ -30,13 +33,14 @@ module vrscan_properties #(
   input wire logic [ 1:0] host_access_i,
   input wire logic [15:0] host_address_i,
   input wire logic [31:0] host_data_i,
-  input wire logic        window_i
+  input wire logic        window_i,
+  input wire logic        moves_i
 );
 
   logic        line_start, pulse, power_pin, index_light, startup_pin;
   logic [15:0] power, startup;
   logic [ 2:0] state;
-  vrscan #(.ClockHz(ClockHz), .IndexOversample(2)) dut (
+  vrscan #(.ClockHz(ClockHz), .IndexOversample(2), .Polygon(Polygon)) dut (
     .clk_i, .rst_i, .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i, .pixel_overflow_count_i,
     .comparator_i, .gate_i, .guard_ok_i, .guard_beat_i, .guard_fault_i,
     .focus_scl_i, .focus_sda_i, .rx_i, .host_valid_i, .host_access_i, .host_address_i,
@@ -75,6 +79,8 @@ module vrscan_properties #(
     .centre_half_o  ()
   );
 
+  logic first_q = 1'b1;
+
   // ---- where things begin ----
   (* keep *) wire register_pkg::laser_t inside_dut__u_register_file__laser_o;
   (* keep *) wire register_pkg::laser_limits_t inside_dut__u_register_file__laser_limits_o;
@@ -96,6 +102,7 @@ module vrscan_properties #(
   (* keep *) wire [15:0] inside_dut__u_laser_control__u_laser_interlock__power_o;
   (* keep *) wire [15:0] inside_dut__u_laser_control__u_laser_interlock__startup_o;
   (* keep *) wire inside_dut__rst_laser_control, inside_dut__rst_mirror_loop;
+  (* keep *) wire [1:0] inside_dut__index_gate;
 
   laser_interlock_properties #(
     .PulseCeilingClks(ClockHz / 100_000), .BucketCeiling(ClockHz / 1_000_000 * 2_097_152),
@@ -141,13 +148,17 @@ module vrscan_properties #(
     .laser_limits_i (inside_dut__u_register_file__laser_limits_o)
   );
 
+  logic [32:0] quiet;
   scan_safeguard_properties #(
     .SettleClks(ClockHz / 10_000_000 + 1), .LightClks(ClockHz / 100),
-    .PeriodFloorClks(ClockHz / 500), .DarkClks(ClockHz / 40), .PauseClks(ClockHz / 4),
+    .PeriodFloorClks(ClockHz / (Polygon ? 2_000 : 500)), .OuterFloor(Polygon ? 0 : 6_144),
+    .DarkClks(ClockHz / 40), .PauseClks(ClockHz / 4),
     .PeriodCeilingClks(ClockHz / 100), .SettleCeilingClks(ClockHz * 10),
     .LostCeilingClks(ClockHz / 40)
   ) u_safeguard (
-    .clk_i, .comparator_i, .gate_i,
+    .clk_i, .comparator_i,
+    .quiet_o        (quiet),
+    .gate_i         (inside_dut__index_gate),
     .guard_ok_i     (inside_dut__u_laser_control__u_guard_watch__ok_o),
     .rst_i          (inside_dut__rst_mirror_loop),
     .state_i        ('0),
@@ -175,8 +186,36 @@ module vrscan_properties #(
     .second_i('0)
   );
 
+  // ---- the gate of the index ----
+  if (Polygon) begin : gen_diode
+    lit_gate_properties #(
+      .AnswerClks(ClockHz / 1_000_000 + 1), .LevelClks(ClockHz / 200)
+    ) u_diode (
+      .clk_i, .comparator_i, .gate_i, .moves_i,
+      .rst_i        (inside_dut__rst_laser_control),
+      .pulse_i      (pulse),
+      .index_light_i(index_light),
+      .startup_i    (startup)
+    );
+
+    logic [32:0] rest_q;  // clocks since the beam moved
+    always_ff @(posedge clk_i) begin
+      if (inside_dut__rst_mirror_loop || moves_i) rest_q <= 33'd1;
+      else if (rest_q != '1) rest_q <= rest_q + 33'd1;
+    end
+
+    always_comb begin
+      if (!first_q) begin
+        no_pulse_of_a_polygon_at_rest:
+        assert (rest_q < 33'(ClockHz / 100) || (!pulse && power == '0));
+        step_rest: assert (rest_q <= quiet);
+      end
+    end
+  end else begin : gen_gate
+    always_comb gate_of_the_pin: assert (inside_dut__index_gate == gate_i);
+  end
+
   // ---- the pins themselves ----
-  logic first_q = 1'b1;
   logic rst_q;
   logic dim_q, calm_q;  // no power a clock ago
   always_ff @(posedge clk_i) begin

@@ -126,6 +126,21 @@ def test_what_does_not_fit_is_named(section: str, values: dict[str, float], key:
         registers(section, **values)
 
 
+@each_scanner(lambda config: config.mirror.polygon)
+def test_a_polygon_has_no_pulses_in_its_index_light(config: Config) -> None:
+    """The longest light that is taken ends where the scan begins; a longer one is refused."""
+    most = abs(config.mirror.index_deg) - config.mirror.reach_deg
+    for margin_deg, good in ((most, True), (most + 0.01, False)):
+        laser = config.laser.model_copy(update={"index_margin_deg": margin_deg})
+        with contextlib.nullcontext() if good else pytest.raises(InputError, match="to the mark"):
+            own = config.model_copy(update={"laser": laser})
+            found, mirror = LaserRegisters.from_config(own), MirrorRegisters.from_config(own)
+            phase = np.arange(1 << 16)
+            index = (phase - found.index_begin) % 65536 < found.index_end - found.index_begin
+            scan = (phase - mirror.scan_begin) % 65536 < mirror.scan_span
+            assert index.any() and scan.any() and (index & scan).sum() <= 1
+
+
 def test_a_pulse_that_the_guard_would_end_is_refused() -> None:
     """An eighth of the time is the guard's own number."""
     assert 1 / (1 + DUTY_COST) == GUARD_SHARE

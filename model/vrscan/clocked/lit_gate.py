@@ -1,4 +1,4 @@
-"""A photodiode's gate, open while one light goes on: the twin of ``rtl/safety/lit_gate.sv``."""
+"""A photodiode's gate, open while its light is constant: the twin of ``rtl/safety/lit_gate.sv``."""
 
 
 class LitGate:
@@ -6,17 +6,26 @@ class LitGate:
 
     Args:
         answer_clks: Clocks of a light in which the diode has to answer, ``AnswerClks``.
+        level_clks: Clocks in which the filter of the level settles, ``LevelClks``.
+        startup: Level of the start-up channel in the reset.
 
     Attributes:
-        gate: The gate's samples, the first in bit 0.
+        gate: The gate's samples with the inputs of the last clock, the first in bit 0.
     """
 
-    def __init__(self, answer_clks: int = 126) -> None:
+    def __init__(self, answer_clks: int = 126, level_clks: int = 625_000, startup: int = 0) -> None:
         self.gate = 0
-        self._answer_clks = answer_clks
-        self._lit = 0
+        self._answer_clks, self._level_clks = answer_clks, level_clks
+        self._startup, self._left = startup, level_clks
 
-    def step(self, *, lit: bool, gate: int) -> None:
+    def step(self, *, pulse: bool, index_light: bool, startup: int, gate: int) -> None:
         """Advance by one clock; the arguments are the input ports."""
-        self._lit = min(self._lit + 1, self._answer_clks) if lit else 0
-        self.gate = gate if self._lit == self._answer_clks else 0
+        lit = index_light and not pulse
+        if startup != self._startup:
+            self._left = self._level_clks
+        elif not lit and self._left <= self._answer_clks:
+            self._left = self._answer_clks
+        else:
+            self._left = max(self._left - 1, 0)
+        self._startup = startup
+        self.gate = gate if lit and not self._left else 0

@@ -25,8 +25,8 @@ class LaserRegisters(LaserSettings):
 
         Raises:
             InputError: naming the key, if a value does not fit in its register, a pulse is longer
-                than its limit or too much for the guard, or the index is not lit before the beam
-                comes to the mark.
+                than its limit or too much for the guard, the index is not lit before the beam
+                comes to the mark, or a polygon's index light reaches into its scan.
         """
         laser, line, mirror = config.laser, config.line, config.mirror
         clock = config.clock.frequency_hz
@@ -52,10 +52,13 @@ class LaserRegisters(LaserSettings):
                 f"{config.source}: line.pulse_us: {line.pulse_us:g} at {line.rate_hz:g} lines a "
                 f"second is light in more than {GUARD_SHARE:g} of the time: the guard would trip"
             )
-        if not mirror.polygon and laser.index_margin_deg > abs(mirror.index_deg):
+        # lit_gate closes a polygon's index in each pulse, so its light ends before the scan begins.
+        room = abs(mirror.index_deg) - (mirror.reach_deg if mirror.polygon else 0.0)
+        if laser.index_margin_deg > room:
+            whose = "from the scan to the mark" if mirror.polygon else "of the mark"
             raise InputError(
                 f"{config.source}: laser.index_margin_deg: {laser.index_margin_deg:g} is more than "
-                f"the mark's {abs(mirror.index_deg):g} degrees"
+                f"the {room:g} degrees {whose}"
             )
         if mirror.polygon:
             # The whole diode has to be in the light.
