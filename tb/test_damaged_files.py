@@ -6,10 +6,10 @@ edges of our own here; never with what was in the file before.
 """
 
 import collections
-import csv
 import datetime
 import io
 import json
+import math
 import re
 import string
 import time
@@ -18,17 +18,20 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pydantic
 import pytest
 import trimesh
 from scanners import SCANNERS
 
+from vrscan import Lines
 from vrscan.data import config as configuration
-from vrscan.data import edges, line_files
+from vrscan.data import edges, line_files, points, poses
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
+from vrscan.engines.engine import Engine, run
 from vrscan.engines.tools import repository_root
-from vrscan.scene import description, meshes
+from vrscan.scene import description, meshes, site
 
 SHORT, LONG = 250, 10_000
 SLOWEST_S = 20.0  # for a file of some kilobytes, on a busy machine
@@ -149,6 +152,11 @@ def read_scene(path: Path) -> None:
     says(description.load(str(path)), tomllib.loads(path.read_bytes().decode()))
 
 
+def read_site(path: Path) -> None:
+    """Read a site."""
+    says(site.load(path), tomllib.loads(path.read_bytes().decode()))
+
+
 def read_lines(path: Path) -> None:
     """Read a recording whole and in blocks."""
     config = Config()
@@ -173,12 +181,53 @@ def read_lines(path: Path) -> None:
 def read_edges(path: Path) -> None:
     """Read edges of the index."""
     time_s, comparator, gate = edges.read(path)
-    rows = [row for row in csv.reader(io.StringIO(path.read_text(), newline="")) if row][1:]
-    assert [(float(t), int(c), int(g)) for t, c, g in rows] == list(
-        zip(time_s, comparator, gate, strict=True)
-    )
+    assert len(table_of(path)) == len(time_s)
+    for name, found in (("time_s", time_s), ("comparator", comparator), ("gate", gate)):
+        assert column_of(path, name) == found.tolist()
     assert np.isfinite(time_s).all()
     assert (np.diff(time_s) >= 0.0).all()
+
+
+def table_of(path: Path) -> pd.DataFrame:
+    """Return what pandas reads of a table, after what spreadsheets add to it is taken away."""
+    text = path.read_bytes().decode("utf-8-sig")
+    kept = [line for line in text.splitlines() if line.strip(" ,") and line.lstrip()[0] not in "#;"]
+    table = pd.read_csv(io.StringIO("\n".join(kept)), dtype=str, skipinitialspace=True)
+    return table.rename(columns=lambda name: re.sub(r"\s|_i$", "", str(name).lower()))
+
+
+def column_of(path: Path, name: str) -> list[float]:
+    """Return the numbers of a column as pandas finds them."""
+    return [float(text) for text in table_of(path)[name]]
+
+
+def read_poses(path: Path) -> None:
+    """Read poses."""
+    found = poses.read(path)
+    assert column_of(path, "time_s") == found.time_s.tolist()
+    assert column_of(path, "z_mm") == found.place_mm[:, 2].tolist()
+
+
+def read_points(path: Path) -> None:
+    """Read points."""
+    found, want = points.read_csv(path), table_of(path)
+    assert len(found) == len(want)
+    for name in ("z_mm", "position_px"):
+        there = [math.nan if text != text else float(text) for text in want[name]]
+        held = np.where(
+            found.located if name == "z_mm" else found.measured, getattr(found, name), np.nan
+        )
+        np.testing.assert_array_equal(held, there)
+
+
+def read_matrix(path: Path) -> None:
+    """Read lines as a matrix of numbers."""
+    found = line_files.read(path, Config.model_validate({"sensor": {"line_length": 64}})).lines
+    rows = [line for line in path.read_text().splitlines() if line.strip(" ,")]
+    rows = [line for line in rows if line.lstrip()[0] not in "#;"]
+    assert [
+        [float(each) for each in row.replace('"', "").split(",")] for row in rows
+    ] == found.tolist()
 
 
 def read_mesh(path: Path) -> None:
@@ -204,6 +253,12 @@ def files(folder: Path) -> dict[str, tuple[list[bytes], Callable[[Path], None]]]
     table = "time_s,comparator,gate\n" + "".join(
         f"{k * 1e-5:.7f},{k % 2},{k // 2 % 2}\n" for k in range(40)
     )
+    tracks = "time_s,x_mm,y_mm,z_mm,roll_deg,pitch_deg,yaw_deg\n" + "".join(
+        f"{k / 8},{k},{k / 4},-{k},{k},0,{k / 2}\n" for k in range(20)
+    )
+    cloud, matrix = io.BytesIO(), io.BytesIO()
+    points.write_csv(run(Engine.IDEAL, Lines(lines, angle_rad, power), Config()), cloud)
+    np.savetxt(matrix, lines[:, :64], "%d", ",")
     shape = trimesh.creation.box((40.0, 30.0, 20.0))
 
     def mesh(kind: str, **options: object) -> bytes:
@@ -219,6 +274,10 @@ def files(folder: Path) -> dict[str, tuple[list[bytes], Callable[[Path], None]]]
         "lines.npy": ([bare.getvalue()], read_lines),
         "lines.npz": ([plain.getvalue(), packed.getvalue()], read_lines),
         "edges.csv": ([table.encode()], read_edges),
+        "poses.csv": ([tracks.encode()], read_poses),
+        "points.csv": ([cloud.getvalue()], read_points),
+        "matrix.csv": ([matrix.getvalue()], read_matrix),
+        "site.toml": ([toml(site.Site().model_dump(mode="json")).encode()], read_site),
         "mesh.stl": ([mesh("stl"), mesh("stl_ascii")], read_mesh),
         "mesh.obj": ([mesh("obj")], read_mesh),
         "mesh.ply": ([mesh("ply"), mesh("ply", encoding="ascii")], read_mesh),
@@ -226,6 +285,34 @@ def files(folder: Path) -> dict[str, tuple[list[bytes], Callable[[Path], None]]]
 
 
 NAMES = sorted(files(Path()))
+ABSURD = {
+    "5000 digits": "[line]\nrate_hz = " + 5000 * "9",
+    "5000 digits of 16": "[sun]\ntime = 0x" + 5000 * "f",
+    "brackets": "a = " + 3000 * "[" + 3000 * "]",
+    "fewer brackets": "a = " + 40 * "[" + 40 * "]",
+    "tables": "a = " + 3000 * "{b = " + "1" + 3000 * "}",
+    "dotted parts": ".".join(3000 * "a") + " = 1",
+    "a dotted table": "[" + ".".join(3000 * "a") + "]",
+    "a long key": 100_000 * "k" + " = 1",
+    "a key of two lines": '"a\\nb" = 1',
+    "a long value": "[peak]\nwindow = '" + 100_000 * "w" + "'",
+    "a long list": "a = [" + 9_999 * "1," + "]",
+}
+
+
+@pytest.mark.parametrize("read", [read_config, read_scene, read_site])
+@pytest.mark.parametrize("name", ABSURD)
+def test_absurd_tables_are_one_short_line(
+    tmp_path: Path, name: str, read: Callable[[Path], None]
+) -> None:
+    path = tmp_path / "file.toml"
+    path.write_text(ABSURD[name])
+    with pytest.raises(InputError) as caught:
+        read(path)
+    words = str(caught.value)
+    assert words.startswith(str(path))
+    assert "\n" not in words
+    assert len(words) < len(str(path)) + 300
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -1,6 +1,8 @@
 """Sweeps and the image of distances: a wall's image is its distances, hole for hole."""
 
 import io
+import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -27,7 +29,42 @@ from vrscan.data.range_image import STEP_MM, grid, range_image, step_mm, sweeps,
     ],
 )
 def test_a_sweep_ends_where_the_mirror_turns(angles: list[float], want: list[int]) -> None:
-    assert sweeps(np.array(angles)).tolist() == want[: len(angles)]
+    for exact in (False, True):
+        assert sweeps(np.array(angles), exact=exact).tolist() == want[: len(angles)]
+
+
+# Where a wave of a period turns or jumps back, periods, and its angle over the phase.
+WAVES: dict[str, tuple[list[float], Callable[[np.ndarray], np.ndarray]]] = {
+    "resonant": ([0.25, 0.75], lambda phase: np.sin(2.0 * np.pi * phase)),
+    "triangle": ([0.25, 0.75], lambda phase: 1.0 - 4.0 * np.abs((phase + 0.25) % 1.0 - 0.5)),
+    "polygon": ([0.5], lambda phase: 2.0 * ((phase + 0.5) % 1.0) - 1.0),
+}
+
+
+@pytest.mark.parametrize("wave", WAVES)
+@pytest.mark.parametrize("period", [75.3, 200.7, 2000.9])
+@pytest.mark.parametrize("noise", ["none", "a step", "seldom a step", "normal", "three steps"])
+def test_noise_and_steps_of_a_converter_are_no_turns(wave: str, period: float, noise: str) -> None:
+    """21 sweeps of a galvanometer, whose angles have 12 bits: of the lines around each turn."""
+    turns, angle = WAVES[wave]
+    periods = 20.6 / len(turns)
+    phase = np.arange(int(periods * period)) / period
+    draw = np.random.default_rng(12)
+    added = {
+        "none": 0.0 * phase,
+        "a step": draw.integers(-1, 2, len(phase)),
+        "seldom a step": np.where(draw.random(len(phase)) < 0.03, 1, 0),
+        "normal": draw.normal(0.0, 1.0, len(phase)),
+        "three steps": draw.normal(0.0, 3.0, len(phase)),
+    }[noise]
+    read = np.rint(2047.0 * angle(phase) + added) * (0.35 / 2047.0)
+    at = np.flatnonzero(np.diff(sweeps(read))) + 1
+    want = [n + turn for n in range(math.ceil(periods)) for turn in turns if n + turn < periods]
+    assert len(at) == len(want) in (20, 21)
+    away = 0.0 if wave == "polygon" else 0.02  # periods in which a sine moves by 16 of 4096 steps
+    assert np.abs(at / period - want).max() <= away + 1.0 / period
+    if noise == "none" and wave == "polygon":
+        assert np.array_equal(sweeps(read), sweeps(read, exact=True))
 
 
 def test_a_row_is_a_sweep_and_a_column_an_angle() -> None:

@@ -44,7 +44,7 @@ def test_blocks_of_any_size_make_the_same_sweeps(
     steps: list[int], blocks: list[int], count: int
 ) -> None:
     points = scanned(np.cumsum([0, *steps]))
-    number = sweeps(points.angle_rad) // count
+    number = sweeps(points.angle_rad, exact=True) // count
     whole = [points.line[number == each].tolist() for each in range(number[-1])]
     assert cut(points, blocks, count) == whole
 

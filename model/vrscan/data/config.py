@@ -24,13 +24,14 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from vrscan.data import pkg
-from vrscan.data.errors import InputError, nearest, unread
+from vrscan.data.errors import InputError, cut, nearest, one_line, shown, unread
 
 HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, (12)
 FEWEST_HARMONICS = 6  # the paper's number
 LINES_PER_PERIOD = 150.1  # the paper's ratio of line rate and mirror frequency
 BLANKING_CLKS = 16  # between an exposure's end and its readout
 PRESETS = Path(__file__).parent / "presets"
+DEEPEST = 32  # tables and lists in each other, far more than any file of ours has
 _MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
 Positive = Annotated[float, Field(gt=0)]
@@ -843,11 +844,41 @@ def read_toml(path: Path, source: str) -> dict[str, object]:
         InputError: naming source, if the file cannot be read or is not TOML.
     """
     try:
-        return tomllib.loads(path.read_bytes().decode())
+        text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"{source}: {unread(error, path, '.toml')}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise InputError(f"{source}: not a TOML file ({error})") from error
+    return parsed_toml(text, source)
+
+
+def parsed_toml(text: str, source: str) -> dict[str, object]:
+    """Return the tables of a TOML text, at most ``DEEPEST`` in each other, with 64-bit integers.
+
+    Raises:
+        InputError: naming source, if it is another text.
+    """
+    try:
+        values: dict[str, object] = tomllib.loads(text)
+    except RecursionError as error:
+        raise InputError(f"{source}: tables or lists in more than {DEEPEST} others") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{source}: not a TOML file ({one_line(error)})") from error
+    except ValueError as error:  # Python reads no integer of more than 4300 digits
+        raise InputError(f"{source}: an integer of more than 64 bits") from error
+    level: list[object] = [values]
+    for _ in range(DEEPEST):
+        inner: list[object] = []
+        for each in level:
+            inner += (
+                each.values() if isinstance(each, dict) else each if isinstance(each, list) else ()
+            )
+            if isinstance(each, int) and not -(2**63) <= each < 2**63:
+                raise InputError(f"{source}: an integer of more than 64 bits ({shown(each)})")
+        level = inner
+    if level:
+        raise InputError(f"{source}: tables or lists in more than {DEEPEST} others")
+    return values
 
 
 def checked(kind: type[File], values: dict[str, object], source: str) -> File:
@@ -865,18 +896,18 @@ def checked(kind: type[File], values: dict[str, object], source: str) -> File:
 def complaint(error: ValidationError) -> str:
     """Return the first fault of a file in one line, with its key and value."""
     first = error.errors(include_url=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
+    key = ".".join(cut(str(part), 60) for part in first["loc"])
     value = first["input"]
     if first["type"] == "unknown_key":
         own, known = first["ctx"]["key"], first["ctx"]["known"]
-        key = f"{key}.{own}" if key else own
-        return f"unknown key {key} ({value[own]!r}){nearest(own, known)}"
+        key = f"{key}.{cut(own, 60)}" if key else cut(own, 60)
+        return f"unknown key {key} ({shown(value[own])}){nearest(own, known)}"
     if first["type"] == "union_tag_invalid":  # a kind, by which a table is chosen
         context = first["ctx"]
         known = [each.strip("'") for each in context["expected_tags"].split(", ")]
         name = context["discriminator"].strip("'")
         tag = context["tag"]
-        return f"{key}.{name} = {tag!r}: there is {', '.join(known)}{nearest(tag, known)}"
+        return f"{key}.{name} = {shown(tag)}: there is {', '.join(known)}{nearest(tag, known)}"
     what = first["msg"].removeprefix("Value error, ")
     what = what[0].lower() + what[1:]
     if not key:
@@ -884,5 +915,5 @@ def complaint(error: ValidationError) -> str:
     if first["type"] == "literal_error" and isinstance(value, str):
         words = re.findall(r"'([^']*)'", first["ctx"]["expected"])
         what += nearest(value, words)
-    shown = f" = {value!r}" if not isinstance(value, dict) else ""
-    return f"{key}{shown}: {what}"
+    given = f" = {shown(value)}" if not isinstance(value, dict) else ""
+    return f"{key}{given}: {what}"

@@ -124,8 +124,7 @@ def shown(value: object) -> str:
 def listed(words: Sequence[str], most: int = 12) -> str:
     """Return words with commas between them, "none", or the first of very many."""
     more = f", ... ({len(words)})" if len(words) > most else ""
-    short = [word if len(word) <= 40 else f"{word[:37]}..." for word in words[:most]]
-    return ", ".join(short) + more or "none"
+    return ", ".join(cut(word, 40) for word in words[:most]) + more or "none"
 
 
 def one_line(error: BaseException) -> str:
@@ -134,6 +133,10 @@ def one_line(error: BaseException) -> str:
     That is its first line or, if it has none, its type; what a damaged file put into it is escaped,
     and cut after 200 characters.
     """
-    first = (str(error).splitlines() or [""])[0] or type(error).__name__
-    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in first[:201])
-    return shown if len(shown) <= 200 else f"{shown[:197]}..."
+    return cut((str(error).splitlines() or [""])[0] or type(error).__name__)
+
+
+def cut(text: str, most: int = 200) -> str:
+    """Return at most so many characters of a text, escaped where they cannot be printed."""
+    there = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text[: most + 1])
+    return there if len(there) <= most else f"{there[: most - 3]}..."

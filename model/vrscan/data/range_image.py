@@ -15,6 +15,7 @@ import numpy.typing as npt
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.errors import InputError
 from vrscan.data.extras import named
+from vrscan.data.residuals import NORMAL
 from vrscan.data.table import Table
 
 MOST_COLUMNS = 65_536
@@ -22,6 +23,8 @@ STEP_MM = 1.0 / 32.0  # of a pixel of 16 bits, in which 0 is no point; more for 
 SUFFIXES = (".png", ".tif", ".tiff")
 _GAP = 0.95  # quantile of the steps between lines that a column is wide: hardly a hole
 _JUMP = 4.0  # least ratio of a polygon's jump back to the steps beside it
+_REVERSAL = 1.0 / 16.0  # largest share of the range that noise may go back by
+_ROUNDING = 1e-9  # share of the range below which two angles differ by their last digits only
 
 Image = npt.NDArray[np.float32]
 
@@ -49,31 +52,82 @@ class Grid:
         return np.asarray(self.first_rad + self.step_rad * np.arange(self.count), np.float64)
 
 
-def sweeps(angle_rad: Floats) -> Ints:
+def sweeps(angle_rad: Floats, *, exact: bool = False) -> Ints:
     """Return the number of the sweep of each line, from 0 [n].
 
     A sweep begins with the line after the turning point, or with the one to which a polygon's beam
-    jumps back: a single step the other way, of ``_JUMP`` times its neighbours. Whether a line
-    begins a sweep follows from the last three steps that moved, so it does not depend on the rest.
+    jumps back: a single step the other way, of ``_JUMP`` times its neighbours. Angles that were
+    measured go to and fro by their noise and the step of their converter; where such reversals are
+    between others, a mirror turns only where it goes back by more than ``_noise`` of all angles.
 
     Args:
         angle_rad: Scan angles of all lines, in the order in which they were taken [n].
+        exact: Whether every reversal is a turning point. Then the last three steps that moved say
+            whether a line begins a sweep, whatever the other lines are.
 
     Example:
         >>> import numpy as np
         >>> sweeps(np.array([0.0, 0.1, 0.2, 0.15, 0.05, 0.1])).tolist()
         [0, 0, 0, 1, 1, 2]
     """
-    step = np.diff(angle_rad)
-    moved = np.flatnonzero(step)  # a line at the angle of the one before it goes on as that one
-    size = np.abs(step[moved])
-    turned = np.diff(step[moved] > 0.0)
-    after_jump = turned[1:] & turned[:-1]
-    after_jump &= size[1:-1] >= _JUMP * np.maximum(size[:-2], size[2:])
-    turned[1:] &= ~after_jump
     begins = np.zeros(len(angle_rad), np.int64)
-    begins[moved[1:][turned] + 1] = 1
+    # A line at the angle of the one before it goes on as that one.
+    rows = np.flatnonzero(np.concatenate([[True], np.diff(angle_rad) != 0.0])[: len(angle_rad)])
+    angle = angle_rad[rows]
+    step = np.diff(angle)
+    turns = np.flatnonzero(np.diff(step > 0.0)) + 1
+    least = 0.0
+    if len(turns) > 1 and not exact:
+        noise = _noise(angle_rad)
+        if (np.abs(np.diff(angle[turns])) <= noise).any():
+            turns, least = _turns(angle, turns, noise), noise
+    kept = turns.copy()
+    if len(turns) > 1:
+        size = np.abs(step)
+        largest = np.maximum.reduceat(size, turns)[:-1]
+        back = np.abs(np.diff(angle[turns]))
+        for run in np.flatnonzero(back - largest <= least).tolist():
+            at = turns[run] + int(size[turns[run] : turns[run + 1]].argmax())
+            single = least or turns[run + 1] == at + 1
+            if single and size[at] >= _JUMP * max(size[at - 1], size[at + 1]):
+                kept[run], kept[run + 1] = at, -1  # the beam goes on from where it jumped to
+    begins[rows[kept[kept >= 0] + 1]] = 1
     return np.cumsum(begins)
+
+
+def _noise(angle_rad: Floats) -> float:
+    """Return by how much measured angles may go back without a turn of the mirror, rad.
+
+    That is ten standard deviations of their noise, which is taken from fourth differences, as the
+    motion is smooth, and no less than three of their smallest steps; but little of their range.
+    """
+    step = np.abs(np.diff(angle_rad))
+    span = float(np.ptp(angle_rad))
+    rough = np.abs(np.diff(angle_rad, 4))
+    noise = NORMAL * float(np.median(rough)) / math.sqrt(70.0) if len(rough) else 0.0
+    smallest = float(step[step > _ROUNDING * span].min(initial=span))
+    return min(max(10.0 * noise, 3.5 * smallest), _REVERSAL * span)
+
+
+def _turns(angle: Floats, reversals: Ints, least: float) -> Ints:
+    """Return those of the reversals between which the angle goes by more than ``least``."""
+    kept: list[int] = []
+    low = high = extreme = 0
+    rising = None  # not known before the angle has gone so far
+    for place in [*reversals.tolist(), len(angle) - 1]:
+        if rising is None:
+            low = place if angle[place] < angle[low] else low
+            high = place if angle[place] > angle[high] else high
+            if angle[high] - angle[low] > least:
+                rising, extreme = high > low, max(low, high)
+            continue
+        on = angle[place] - angle[extreme] if rising else angle[extreme] - angle[place]
+        if on > 0.0:
+            extreme = place
+        elif on < -least:
+            kept.append(extreme)
+            rising, extreme = not rising, place
+    return np.array(kept, np.int64)
 
 
 def grid(angle_rad: Floats, count: int | None = None) -> Grid:

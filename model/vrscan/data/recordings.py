@@ -12,7 +12,6 @@ import io
 import json
 import os
 import time
-import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -27,7 +26,7 @@ import numpy.typing as npt
 
 from vrscan.data import contract, edges, pkg, records, table
 from vrscan.data.arrays import Bools, Floats, Ints
-from vrscan.data.config import Config, checked, load, to_toml
+from vrscan.data.config import Config, checked, load, parsed_toml, to_toml
 from vrscan.data.contract import checked_flags, checked_power
 from vrscan.data.errors import InputError, InputWarning, LinesError, unread
 from vrscan.data.extras import named
@@ -375,12 +374,11 @@ def read(path: Path) -> Recording:
     text = held.get("toml", "")
     if _sha(text.encode()) != held.get("sha256"):
         raise InputError(f"{path}: damaged or cut off within its configuration")
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: its configuration is not TOML ({error})") from error
+    values = parsed_toml(text, f"{path}: its configuration")
     if "maps_sha256" in held:
-        values.setdefault("map", {})["file"] = path.name
+        table = values.setdefault("map", {})
+        if isinstance(table, dict):
+            table["file"] = path.name
     config = checked(Config, values, str(path))
     config._source = str(path)
     about = notes.pop("about", {})

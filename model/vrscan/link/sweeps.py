@@ -38,7 +38,7 @@ class Sweeps:
         """
         held = points if self._held is None else Table.joined([self._held, points])
         angle = held.angle_rad
-        begins = np.flatnonzero(np.diff(sweeps(angle))) + 1
+        begins = np.flatnonzero(np.diff(sweeps(angle, exact=True))) + 1
         ends = [self._known, *begins[begins > self._known].tolist()][:: self._count]
         if len(held) - ends[-1] >= MOST_LINES * self._count:
             ends.append(len(held))
