@@ -105,6 +105,18 @@ def test_filters_work_in_the_order_of_the_command(
     ]
 
 
+def test_points_may_be_filtered_into_their_own_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = ["--median", "5", "--without", "MIXED"]
+    whole = Path("scan/points.csv").read_bytes()
+    assert ended(monkeypatch, "filter", "scan/points.csv", "other.csv", *given) == 0
+    assert ended(monkeypatch, "filter", "scan/points.csv", "scan/points.csv", "--median", "4") == 2
+    assert Path("scan/points.csv").read_bytes() == whole
+    assert ended(monkeypatch, "filter", "scan/points.csv", "scan/points.csv", *given) == 0
+    assert Path("scan/points.csv").read_bytes() == Path("other.csv").read_bytes() != whole
+
+
 def test_pictures_of_lines_are_replayed(
     folder: Path, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -111,14 +111,18 @@ def filter_points(
     out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="File for the filtered points.")],
     median: Annotated[
         int | None,
-        typer.Option(callback=_noted, help="Take the median z of so many lines, an odd number."),
+        typer.Option(
+            callback=_noted,
+            help="Move points towards the median of so many lines of a sweep, an odd number.",
+        ),
     ] = None,
     spike: Annotated[
         float | None,
         typer.Option(
             callback=_noted,
             metavar="MM",
-            help="Remove points that stand out from both neighbours by more than this in z.",
+            help="Remove points that stand out from both neighbours by more than this in z, unless "
+            "other sweeps see them as well.",
         ),
     ] = None,
     min_confidence: Annotated[
@@ -135,14 +139,19 @@ def filter_points(
     ] = None,
     average: Annotated[
         int | None,
-        typer.Option(callback=_noted, metavar="N", help="Take the mean of N interlaced sweeps."),
+        typer.Option(
+            callback=_noted,
+            metavar="N",
+            help="Move points towards the mean of N interlaced sweeps.",
+        ),
     ] = None,
     outlier: Annotated[
         float | None,
         typer.Option(
             callback=_noted,
             metavar="K",
-            help="Remove points more than K standard deviations off the median of 7 lines.",
+            help="Remove points more than K standard deviations off the 7 lines around, unless "
+            "other sweeps see them as well.",
         ),
     ] = None,
 ) -> None:
