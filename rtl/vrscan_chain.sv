@@ -322,10 +322,9 @@ module vrscan_chain #(
   end
 
   // ---- the fit ----
-  logic                              fit_done, fitted, mixed;
+  logic                              fit_done, mixed;
   logic signed [  PositionWidth-1:0] fit_position;
   logic [vrscan_pkg::SigmaWidth-1:0] fit_sigma;
-  logic [vrscan_pkg::SpeckleWidth-1:0] speckle;
   logic [vrscan_pkg::ScaleWidth-1:0] scale;
   peak_fit #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_peak_fit (
     .clk_i, .rst_i(forget_q),
@@ -335,13 +334,9 @@ module vrscan_chain #(
     .spread_i(held_q.sigma), .sigma_i(spot_sigma), .maximum_i(PixelWidth'(held_q.maximum)),
     .background_i(held_q.background), .noise_i(held_q.noise),
     .reading_o(fitting), .read_index_o(fit_index), .read_pixel_i(read_pixel),
-    .valid_o(fit_done), .fitted_o(fitted), .mixed_o(mixed),
-    .position_o(fit_position), .sigma_o(fit_sigma),
-    .speckle_o(speckle), .scale_o(scale), .kappa_i(peak_i.kappa),
-    .saturation_level_i(peak_i.saturation_level)
+    .valid_o(fit_done), .mixed_o(mixed), .position_o(fit_position), .sigma_o(fit_sigma),
+    .scale_o(scale), .kappa_i(peak_i.kappa), .saturation_level_i(peak_i.saturation_level)
   );
-  logic unused_fit;
-  assign unused_fit = ^{fitted, speckle};
   always_comb begin
     fit = held_q;
     if (held_q.measured) begin

@@ -79,8 +79,7 @@ package vrscan_pkg;
   // is known, when the second one and its quality are, whatever their widths.
   localparam int unsigned FitStart = 1480;
   localparam int unsigned FitPeriod = 2048;
-  localparam int unsigned SpeckleWidth = 20;  // squared contrast, all fraction
-  localparam int unsigned SpeckleDepth = 32;  // lines over which it is steadied
+  localparam int unsigned SpeckleDepth = 32;  // lines over which speckle is steadied
   localparam int unsigned ScaleWidth = 18;  // half of a spot's width at half of its height, px
   localparam int unsigned ScaleFraction = 12;
   localparam int unsigned NeighbourClks = 16384;  // lines further apart are no neighbours

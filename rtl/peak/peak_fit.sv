@@ -6,13 +6,14 @@
 // h = 2**(u**2), of read noise, shot noise and speckle.  No spot is a Gaussian far out, so speckle
 // counts twice from u**2 = 5 on and four times from 7 on.  Four passes over the pixels; what third
 // differences of the second pass's quotients have more than noise is the speckle, steadied over the
-// last 32 lines and used from the third pass on.  Grains as long as the spot, which differences do
+// last 32 lines and used from the third pass on; where a line's squared differences are above twice
+// what noise makes, and 4/3 of its own speckle above twice the steadied, these 4/3 are.  Grains as long as the spot, which differences do
 // not see, turn the middle of the spot against the whole: the slope of the quotients there, squared,
 // over what independent pixels make of it, averaged over 32 lines, tells what they add to sigma.
 //
 // Where the fit's chi squared with grains is above 5 a degree of freedom, its place far off or beyond
-// the line, or an eighth of the pixels saturated, the spot is no Gaussian: fitted_o is 0, and
-// position_o what came in.
+// the line, or an eighth of the pixels saturated, the spot is no Gaussian, and position_o is
+// what came in.
 //
 //   measured_i       low: the line has no spot, and takes part in the history only
 //   left_i, width_i  the second window; position_i and slope_i are those it has given
@@ -24,7 +25,6 @@
 //                    twice the fit's where that is larger, which is what speckle does to a phase
 //   mixed_o          chi squared with grains is above 15 a degree of freedom, and no pixel of the spot
 //                    is saturated
-//   speckle_o        squared contrast, 20 fraction bits
 //   scale_o          half of the spot's width at half of its height, px, 12 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;
 //            a valid_i meanwhile is ignored
@@ -58,11 +58,9 @@ module peak_fit #(
   input  wire logic        [                 PixelWidth-1:0] read_pixel_i,
 
   output      logic                                          valid_o,
-  output      logic                                          fitted_o,
   output      logic                                          mixed_o,
   output      logic signed [              PositionWidth-1:0] position_o,
   output      logic        [     vrscan_pkg::SigmaWidth-1:0] sigma_o,
-  output      logic        [   vrscan_pkg::SpeckleWidth-1:0] speckle_o,
   output      logic        [     vrscan_pkg::ScaleWidth-1:0] scale_o,
 
   // Configuration.
@@ -126,7 +124,6 @@ module peak_fit #(
   logic        [38:0] shot_q;
   logic        [17:0] alpha_q, beta_q, gamma_q;
   logic        [19:0] speckle_q;
-  assign speckle_o = speckle_q;
 
   // ---- sums of a pass, MomentFraction fraction bits once they are complete ----
   logic        [23:0] s0_q;  // 16 fraction bits
@@ -151,8 +148,8 @@ module peak_fit #(
   assign b2 = 29'(b2_q >>> 14);
 
   // ---- one multiplier, two dividers, one root: what a pass's sums are worked off with ----
-  // A state names a product's factors; they are in a_q and b_q two clocks later, and the product is
-  // there after 4 more, until the next one.
+  // A state names a product's factors.  Products come in the order in which they are named; one
+  // stays until the next, and nothing is on its way where multiplied says so.
   typedef enum logic [4:0] {
     A_SIGMA, A_SLOPE, A_DEVIATION, A_GAIN, A_AMPLITUDE, A_AREA, A_PLACE, A_TOTAL, A_QUADS, A_S0,
     A_S2, A_DETERMINANT, A_STRETCH, A_MOVE, A_CORRELATED, A_ROOT, A_OPERAND
@@ -170,7 +167,8 @@ module peak_fit #(
   localparam int unsigned DividendWidth = 57;
   localparam int unsigned DivisorWidth  = 38;
   localparam int unsigned RootWidth     = 31;
-  logic                            multiply_start_q, product_valid;
+  logic                            multiply_start_q, product_valid, multiplied;
+  logic        [              2:0] products_q;  // on their way
   logic signed [FactorWidth-1:0]   a_q, b_q;
   logic signed [2*FactorWidth-1:0] product;
   multiply_fast #(.AWidth(FactorWidth), .BWidth(FactorWidth)) u_multiply_fast (
@@ -181,6 +179,7 @@ module peak_fit #(
     .valid_o  (product_valid),
     .product_o(product)
   );
+  assign multiplied = !issue_q && products_q == 3'(product_valid);
 
   logic [1:0]               divide_start_q, quotient_valid, dividing_q;
   logic                     divided;
@@ -344,6 +343,9 @@ module peak_fit #(
   logic        [27:0] factor_q;
   logic        [ 7:0] above_three_q;
   logic        [ 9:0] freedom_q;  // five times the degrees of freedom
+  logic               uneven_q;  // the differences are above twice what noise makes of them
+  // 4/3 of the line's own speckle; beyond its width nothing is known.
+  logic               jump_q;
   logic signed [54:0] rough_excess;
   logic signed [56:0] lifted_excess_q, beyond_q;
   logic        [40:0] weight_q;
@@ -364,6 +366,8 @@ module peak_fit #(
     // A one below makes a negation of an inversion.
     beyond_q      <= 57'(({lifted_excess_q, 1'b1}
                           + ({9'd0, most_rough_q, 9'd0} ^ {58{!excess_negative}})) >> 1);
+    jump_q        <= uneven_q && second_quotient[QuotientWidth-1:20] == '0
+                     && second_quotient[19:0] > {first_quotient[18:0], 1'b0};
   end
 
   // The last lines, and their sums with what is assumed before any.
@@ -463,11 +467,15 @@ module peak_fit #(
       default:          b_q <= operand_q;
     endcase
     multiply_start_q <= issue_q;
-    if (rst_i) multiply_start_q <= 1'b0;
+    products_q       <= products_q + 3'(issue_q) - 3'(product_valid);
+    if (rst_i) begin
+      multiply_start_q <= 1'b0;
+      products_q       <= '0;
+    end
   end
 
   // ---- control ----
-  // States that end in _IN take a product, the others name one or wait.
+  // States that end in _IN take the next product, the others name one or wait.
   typedef enum logic [6:0] {
     IDLE, LEVEL, LIFT, BEGIN, SCALES, DARK, SHOT, AREA, RAMP_IN, DARK_IN, SHOT_IN, AREA_IN, OWN,
     OWN_IN, VARIANCE, TOTAL, SHARE, ORIGIN, ORIGIN_IN, RUN,
@@ -476,7 +484,7 @@ module peak_fit #(
     SLOPE, FOURTH, SECOND, CURVE, DROP, SLOPE_IN, FOURTH_IN, SECOND_IN, CURVE_IN, DROP_IN, EXCESS,
     DIVISOR_IN, DETERMINANT_IN, STRETCH, MOVE, WIDEN, STRETCH_IN, MOVE_IN, WIDEN_IN, CLAMP, STEP,
     REST_IN, REST, RISE, LIMIT, RAISE, AMPLITUDE,
-    CHI, LEAN, CHI_IN, LEAN_IN, FREE, FREE_IN, LEANS, PUSH, MEAN, GRAINS, SETTLE, ADDED,
+    LEAN, CHI_IN, LEAN_IN, FREE, FREE_IN, LEANS, PUSH, MEAN, GRAINS, SETTLE, ADDED,
     ADDED_IN, MIXED, ROOT, MIXED_IN, ROOT_IN, ROOTED, SPREAD_IN, JUDGE, DONE
   } state_e;
   // From 32 states on Yosys would number them, and knowing the state would take half a clock.
@@ -553,7 +561,7 @@ module peak_fit #(
           gain_q   <= gain_q[29] ? '1 : gain_q << 1;
           lift_q   <= lift_q + 5'd1;
         end
-        if (settled) state_q <= BEGIN;
+        if (settled && multiplied) state_q <= BEGIN;
       end
       BEGIN: begin
         begin_q    <= |product[30:28] ? '1
@@ -637,7 +645,6 @@ module peak_fit #(
         issue_q    <= 1'b1;
         a_select_q <= A_PLACE;
         b_select_q <= B_STEP;
-        steps_q    <= 5'd5;
         state_q    <= ORIGIN_IN;
       end
       ORIGIN_IN: begin
@@ -648,7 +655,7 @@ module peak_fit #(
           beta_q  <= |second_quotient[QuotientWidth-1:ShareFraction]
                      ? 18'(1 << ShareFraction) : {1'b0, second_quotient[ShareFraction-1:0]};
         end
-        if (settled && divided) begin
+        if (multiplied && divided) begin
           run_start_q <= 1'b1;
           state_q     <= RUN;
         end
@@ -670,6 +677,7 @@ module peak_fit #(
       end
       MADE_IN: if (product_valid) begin
         lifted_excess_q <= 57'(rough_excess >>> 14);
+        uneven_q        <= rough_q > 42'(product >>> 24);
         state_q         <= LIGHT_IN;
       end
       LIGHT_IN: if (product_valid) begin
@@ -718,12 +726,14 @@ module peak_fit #(
       STEADY: begin
         first_dividend_q  <= roughness_q[53] ? '0 : {unsigned'(roughness_q[52:0]), 4'd0};
         first_divisor_q   <= DivisorWidth'(weights_q >> 8);
-        divide_start_q[0] <= 1'b1;
+        second_dividend_q <= line_rough_q[48] ? '0 : DividendWidth'(line_rough_q[47:0]) << 4;
+        second_divisor_q  <= DivisorWidth'(most_rough_q >> 7);
+        divide_start_q    <= '1;
         state_q           <= SPECKLE;
       end
       SPECKLE: if (divided) begin
         // A line's roughness is limited to 3/8 of its weight, so this fits.
-        speckle_q <= first_quotient[19:0];
+        speckle_q <= jump_q ? second_quotient[19:0] : first_quotient[19:0];
         state_q   <= SLOPE;
       end
 
@@ -765,16 +775,16 @@ module peak_fit #(
         slope_ln4_q <= product[33:13];
         state_q     <= FOURTH_IN;
       end
-      FOURTH_IN: state_q <= SECOND_IN;
-      SECOND_IN: state_q <= CURVE_IN;
-      CURVE_IN: begin
+      FOURTH_IN: if (product_valid) state_q <= SECOND_IN;
+      SECOND_IN: if (product_valid) state_q <= CURVE_IN;
+      CURVE_IN: if (product_valid) begin
         issue_q       <= 1'b1;
         a_select_q    <= A_S2;
         b_select_q    <= B_SLOPE;
         determinant_q <= difference_q[KeptWidth-1] ? '0 : unsigned'(difference_q[49:16]);
         state_q       <= DROP_IN;
       end
-      DROP_IN: begin
+      DROP_IN: if (product_valid) begin
         issue_q    <= 1'b1;
         a_select_q <= A_DETERMINANT;
         b_select_q <= B_SLOPE;
@@ -792,7 +802,7 @@ module peak_fit #(
         divisor_q <= product[46:17];
         state_q   <= DETERMINANT_IN;
       end
-      DETERMINANT_IN: begin
+      DETERMINANT_IN: if (product_valid) begin
         first_divisor_q    <= DivisorWidth'(divisor_q);
         second_dividend_q  <= DividendWidth'(magnitude_q) << 14;
         second_divisor_q   <= product[HeightFraction+:DivisorWidth];
@@ -800,7 +810,7 @@ module peak_fit #(
         divide_start_q     <= '1;
         state_q            <= STRETCH;
       end
-      STRETCH: if (divided) begin
+      STRETCH: if (divided && multiplied) begin
         issue_q    <= 1'b1;
         a_select_q <= A_STRETCH;
         b_select_q <= B_SLOPE;
@@ -827,14 +837,14 @@ module peak_fit #(
         state_q  <= MOVE_IN;
       end
       // Behind the last pass nothing needs an amplitude and a step.
-      MOVE_IN: begin
+      MOVE_IN: if (product_valid) begin
         issue_q         <= pass_q != 2'd3;
         a_select_q      <= A_S2;
         b_select_q      <= B_LIFTED;
         stepped_place_q <= 26'(signed'({1'b0, place_q})) + 26'(product >>> 13);
         state_q         <= WIDEN_IN;
       end
-      WIDEN_IN: begin
+      WIDEN_IN: if (product_valid) begin
         stepped_scale_q <= 21'(signed'({1'b0, scale_q})) + 21'(product >>> 14);
         state_q         <= CLAMP;
       end
@@ -845,8 +855,12 @@ module peak_fit #(
         state_q <= STEP;
       end
       STEP: begin
-        scale_q <= narrow_q ? least_q : wide_q ? most_q : unsigned'(stepped_scale_q[17:0]);
-        state_q <= pass_q == 2'd3 ? CHI : REST_IN;
+        scale_q    <= narrow_q ? least_q : wide_q ? most_q : unsigned'(stepped_scale_q[17:0]);
+        // Behind the last pass, the limit of chi squared.
+        issue_q    <= pass_q == 2'd3;
+        a_select_q <= A_TOTAL;
+        b_select_q <= B_FACTOR;
+        state_q    <= pass_q == 2'd3 ? LEAN : REST_IN;
       end
       REST_IN: begin
         second_dividend_q <= DividendWidth'(OneStep);
@@ -881,12 +895,6 @@ module peak_fit #(
       end
 
       // The standard deviation, and whether the fit stands.
-      CHI: begin
-        issue_q    <= 1'b1;
-        a_select_q <= A_TOTAL;
-        b_select_q <= B_FACTOR;
-        state_q    <= LEAN;
-      end
       LEAN: begin
         issue_q    <= 1'b1;
         operand_q  <= FactorWidth'(middle_slope_q);
@@ -898,7 +906,7 @@ module peak_fit #(
         chi_limit_q <= product[44:6];
         state_q     <= LEAN_IN;
       end
-      LEAN_IN: begin
+      LEAN_IN: if (product_valid) begin
         second_dividend_q <= DividendWidth'(product[44:0]) << 10;
         state_q           <= FREE;
       end
@@ -957,7 +965,7 @@ module peak_fit #(
         state_q     <= ROOT_IN;
       end
       // The product stays, so the root takes it a clock later.
-      ROOT_IN: begin
+      ROOT_IN: if (product_valid) begin
         root_start_q <= 1'b1;
         state_q      <= ROOTED;
       end
@@ -978,7 +986,6 @@ module peak_fit #(
       JUDGE: if (divided) state_q <= DONE;
       DONE: begin
         valid_o    <= 1'b1;
-        fitted_o   <= within_q;
         mixed_o    <= measured_q && mixed_q;
         position_o <= within_q ? PositionWidth'(fit_place_q) : position_q;
         sigma_o    <= measured_q && (within_q || larger_q) ? fit_spread_q : spread_q;

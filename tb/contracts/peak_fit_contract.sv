@@ -1,5 +1,5 @@
 // peak_fit_contract: each spot that is taken has its answer once, in a time that it does not
-// change; a fitted place is on the line, and what is not fitted is what came in.
+// change; a place is on the line, or what came in.
 
 `default_nettype none
 
@@ -14,7 +14,6 @@ module peak_fit_contract #(
   input wire logic signed [PositionWidth-1:0] position_i,
   input wire logic                            reading_o,
   input wire logic                            valid_o,
-  input wire logic                            fitted_o,
   input wire logic                            mixed_o,
   input wire logic signed [PositionWidth-1:0] position_o
 );
@@ -41,11 +40,11 @@ module peak_fit_contract #(
                            (age_q != latency_q || valid_o) && (!valid_o || age_q == latency_q)
                          : age_q <= Unmeasured && (!valid_o || age_q == Unmeasured));
       simulated_reads_while_it_works: assert (!reading_o || (age_q != '0 && measured_q));
-      simulated_fitted_on_the_line:
-      assert (!valid_o || !fitted_o ||
+      simulated_moved_on_the_line:
+      assert (!valid_o || position_o == position_q ||
               (position_o >= 0 && 32'(position_o) < LineLength << vrscan_pkg::PositionFraction));
-      simulated_else_unchanged: assert (!valid_o || fitted_o || position_o == position_q);
-      simulated_nothing_of_nothing: assert (!valid_o || measured_q || !(fitted_o || mixed_o));
+      simulated_nothing_of_nothing:
+      assert (!valid_o || measured_q || (position_o == position_q && !mixed_o));
     end
   end
 

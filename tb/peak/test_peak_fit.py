@@ -166,11 +166,9 @@ async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
     dut.kappa_i.value = kappa
     dut.saturation_level_i.value = level
     got: dict[str, list[int]] = {
-        "fitted": [],
         "mixed": [],
         "position": [],
         "sigma": [],
-        "speckle": [],
         "scale": [],
     }
     for row, line in enumerate(cases.lines):
@@ -193,17 +191,14 @@ async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
                 dut.read_pixel_i.value = int(ring[asked])
             assert int(dut.valid_o.value) == (cycle == clocks), f"line {row}, cycle {cycle}"
         assert dut.reading_o.value == 0
-        got["fitted"].append(int(dut.fitted_o.value))
         got["mixed"].append(int(dut.mixed_o.value))
         got["position"].append(as_integer(dut.position_o, signed=True))
-        for name in ("sigma", "speckle", "scale"):
+        for name in ("sigma", "scale"):
             got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
     expected = {
-        "fitted": want.fitted.astype(np.int64),
         "mixed": want.mixed.astype(np.int64),
         "position": want.position,
         "sigma": want.sigma,
-        "speckle": np.where(cases.measured, want.speckle, got["speckle"]),
         "scale": np.where(cases.measured, want.scale, got["scale"]),
     }
     inputs = {name: getattr(cases, name).astype(np.int64) for name in GIVEN}

@@ -358,6 +358,30 @@ def test_peak_fit_model_reaches_the_least_variance(
     assert honest == pytest.approx(predicted, rel=0.2)  # as the speckle of 32 lines is
 
 
+@pytest.mark.parametrize(("before", "behind"), [(0.0, 0.29), (0.0, 0.1), (0.1, 0.29), (0.29, 0.0)])
+@pytest.mark.parametrize(("sigma", "height"), [(2, 1500), (3, 2000), (9, 800)])
+def test_peak_fit_model_sigma_follows_a_change_of_the_surface(
+    sigma: float, height: float, before: float, behind: float
+) -> None:
+    """The first lines of another contrast, too, of which the sum of 32 lines knows little."""
+    changes, lines = 30, DEPTH + 2
+    draw = generator(round(100 * sigma + 1000 * behind))
+    contrast = np.tile(np.repeat([before, behind], lines), changes)
+    centre = draw.uniform(300, LENGTH - 300, len(contrast))
+    same = np.ones(len(contrast))
+    cases = spots(12, centre, sigma * same, height * same, contrast, salt=round(100 * sigma))
+    got = cases.fixed()
+    error = got.position / 2.0**pkg.POSITION_FRACTION - centre
+    ratio = error / got.sigma * 2.0**pkg.SIGMA_FRACTION
+    ratio = ratio.reshape(changes, 2 * lines)[:, lines:]
+    first, later = (float(np.sqrt(np.mean(each**2))) for each in (ratio[:, :4], ratio[:, 4:16]))
+    known = 1 + 1 / math.sqrt(2 * 4 * changes)  # an rms of so many lines, to one deviation
+    print(f"\nerror over sigma: first four lines {first:.2f}, twelve behind {later:.2f}")
+    assert max(first, later) <= 1.25 * known
+    if behind > before:
+        assert min(first, later) >= 0.8 / known
+
+
 def assert_same(got: fixed.Fitted, want: fixed.Fitted) -> None:
     """Assert that two answers have the same bits."""
     for name in ("position", "sigma", "fitted", "mixed", "speckle", "scale", "grains"):

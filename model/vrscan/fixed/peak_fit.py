@@ -42,10 +42,11 @@ MANTISSA_FRACTION = 16
 WEIGHT_FRACTION = 16
 RECIPROCAL_BITS = 8
 SHARE_FRACTION = 17  # of the variance's three terms over their sum
-SPECKLE_FRACTION = 20  # of the squared contrast
+SPECKLE_FRACTION = SPECKLE_WIDTH = 20  # of the squared contrast
 FIRST_SPECKLE = 1 << (SPECKLE_FRACTION - 6)  # squared contrast in the first two passes: 1/64
 LEAST_SPECKLE = 1678  # where nothing has been measured: 0.04**2
 PRIOR_WEIGHT = 32 * 20 << 12
+JUMP = 2  # times the steadied speckle, above which 4/3 of a line's own are taken instead
 LN4 = 11357  # 2 ln 2, 13 fraction bits
 SIGMA_TO_SCALE = 9645  # 1 / sqrt(log2(e) / 2), 13 fraction bits
 DIFFERENCES = 20  # sum of the squared coefficients of a third difference
@@ -307,15 +308,19 @@ def _running(before: Ints, lines: Ints) -> tuple[Ints, Ints]:
 def _steadied(
     sums: _Sums, variance: _Variance, amplitude: Ints, measured: Bools, history: History
 ) -> tuple[Ints, History]:
-    """Return the squared contrast of each line with those before it, and the last lines."""
+    """Return the squared contrast of each line with those before it, and the last lines.
+
+    Where a line's own jumps above it, 4/3 of the own.
+    """
     made = (variance.total * (np.minimum(sums.noise, MOST_NOISE) >> 4)) >> (SHARE_FRACTION - 4)
     excess = (sums.rough << (2 * HEIGHT_FRACTION - 22)) - made
     noise = variance.dark + variance.shot
     lift = np.clip(2 * HEIGHT_FRACTION - bit_length(noise), 0, 16)
     area = np.minimum(amplitude * amplitude >> (2 * HEIGHT_FRACTION - 12), (1 << 13) - 1)
     weight = (DIFFERENCES * sums.quads * area) << lift
-    most = ((weight >> 2) + (weight >> 3)) << 8
-    roughness = np.clip((excess >> (2 * HEIGHT_FRACTION - 20)) << lift, -most, most)
+    most = (weight >> 2) + (weight >> 3)  # 3/8
+    roughness = (excess >> (2 * HEIGHT_FRACTION - 20)) << lift
+    roughness = np.clip(roughness, -most << 8, most << 8)
     roughness, weight = (np.where(measured, value, 0) for value in (roughness, weight))
     (sums_of, rough), (weights, heavy) = (
         _running(*each) for each in zip(history[:2], (roughness, weight), strict=True)
@@ -323,6 +328,11 @@ def _steadied(
     prior = PRIOR_WEIGHT * LEAST_SPECKLE >> 12  # 20 fraction bits
     dividend = np.maximum(sums_of + prior, 0) << 4
     speckle, _ = divide(dividend, (weights + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
+    # 3/4 of a weight below it makes 4/3.
+    own, _ = divide(np.maximum(roughness, 0) << 4, most >> 7, quotient_width=QUOTIENT_WIDTH)
+    uneven = sums.rough > made >> (2 * HEIGHT_FRACTION - 22 - 1)
+    jump = uneven & (own >> SPECKLE_WIDTH == 0) & (own > JUMP * speckle)
+    speckle = np.where(jump, own, speckle)
     return speckle, history._replace(roughness=rough, weight=heavy)
 
 

@@ -196,7 +196,7 @@ def _noises() -> Iterator[Case]:
         "noise-snr-10",
         "a spot of 300 counts in a noise of 30: the window's ends are the noise's",
         f"the bound is 0.18 px rms; all of {NOISES} lines within 2 px",
-        noisy(300.0, 30.0, 3),
+        noisy(300.0, 30.0, 5),
         within_px=2.0,
     )  # fmt: skip
     draw = generator(4)
