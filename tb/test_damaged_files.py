@@ -22,6 +22,7 @@ import pandas as pd
 import pydantic
 import pytest
 import trimesh
+from PIL import Image, ImageSequence
 from scanners import SCANNERS
 
 from vrscan import Lines
@@ -230,6 +231,15 @@ def read_matrix(path: Path) -> None:
     ] == found.tolist()
 
 
+def read_picture(path: Path) -> None:
+    """Read lines of a picture."""
+    found = line_files.read(path, Config()).lines
+    with Image.open(path) as picture:
+        if picture.mode == "I;16" and getattr(picture, "tag_v2", {}).get(262) != 0:
+            pages = [np.asarray(page) for page in ImageSequence.Iterator(picture)]
+            assert np.array_equal(found, np.concatenate(pages))
+
+
 def read_mesh(path: Path) -> None:
     """Read a mesh."""
     vertices, faces = meshes.load_mesh(path)
@@ -261,6 +271,11 @@ def files(folder: Path) -> dict[str, tuple[list[bytes], Callable[[Path], None]]]
     np.savetxt(matrix, lines[:, :64], "%d", ",")
     shape = trimesh.creation.box((40.0, 30.0, 20.0))
 
+    def drawn(kind: str, **options: object) -> bytes:
+        file = io.BytesIO()
+        Image.fromarray(lines).save(file, kind, **options)
+        return file.getvalue()
+
     def mesh(kind: str, **options: object) -> bytes:
         text = shape.export(file_type=kind, **options)
         return text if isinstance(text, bytes) else text.encode()
@@ -275,6 +290,7 @@ def files(folder: Path) -> dict[str, tuple[list[bytes], Callable[[Path], None]]]
         "lines.npz": ([plain.getvalue(), packed.getvalue()], read_lines),
         "edges.csv": ([table.encode()], read_edges),
         "poses.csv": ([tracks.encode()], read_poses),
+        "lines.tif": ([drawn("TIFF"), drawn("TIFF", compression="tiff_lzw")], read_picture),
         "points.csv": ([cloud.getvalue()], read_points),
         "matrix.csv": ([matrix.getvalue()], read_matrix),
         "site.toml": ([toml(site.Site().model_dump(mode="json")).encode()], read_site),

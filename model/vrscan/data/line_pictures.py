@@ -62,7 +62,9 @@ class Pictures:
         count, width = 0, 0
         for file in files:
             picture = self._picture(file)
-            for page in range(getattr(picture, "n_frames", 1)):
+            with _reading(file):
+                pages = getattr(picture, "n_frames", 1)
+            for page in range(pages):
                 with _reading(file):
                     picture.seek(page)
                     wide = picture.mode in _COLOURS and ";16" in str(picture.tile)

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Positive, Section
-from vrscan.data.errors import InputError, beside
+from vrscan.data.errors import InputError, beside, reading
 from vrscan.scene.tuples import Size
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -130,12 +130,9 @@ def load_map(section: Checker | Stripes | ImageMap, folder: Path) -> Map:
     path = folder / section.file
     if not path.is_file():
         raise InputError(f"{path}: no such picture{beside(path)}")
-    try:
-        with Image.open(path) as picture:
-            deep = picture.mode.startswith("I")  # 16 bits per pixel
-            grey = np.asarray(picture if deep else picture.convert("L"), np.float64)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path}: not a picture that can be read ({error})") from error
+    with reading(path, "not a picture that can be read"), Image.open(path) as picture:
+        deep = picture.mode.startswith("I")  # 16 bits per pixel
+        grey = np.asarray(picture if deep else picture.convert("L"), np.float64)
     if grey.size == 0:
         raise InputError(f"{path}: the picture is empty")
     scaled = np.clip(grey / (65_535.0 if deep else 255.0), 0.0, 1.0)
