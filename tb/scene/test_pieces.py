@@ -1,6 +1,7 @@
 """A cut beam's spots on edges of reflectance, against Fresnel's integral imaged by sums."""
 
 import math
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from carried_beam import CarriedSpot
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.ideal.geometry import ThinLens, project
+from vrscan.ideal.scanning import scan_rate
 from vrscan.scene import image
 from vrscan.scene.beam import output_mw, radius_mm
 from vrscan.scene.description import parse
@@ -81,13 +83,7 @@ def depth_mm(z: float) -> float:
 @cache
 def carried(z: float, low: float) -> Floats:
     """Return what ``lines`` returns, by sums."""
-    scene = plates(z, 1.0, pattern=True).scene
-    lens, geometry = scene.lens, CONFIG.geometry
-    depth = np.array([depth_mm(z)])
-    disc = float(image.defocus_radius_px(depth, lens.focus_mm, lens.f_number, CONFIG)[0])
-    working = ThinLens.of(lens.f_number, lens.focus_mm, geometry).working
-    cutoff = geometry.pitch_mm / (1e-6 * scene.laser.wavelength_nm * working)
-    spot = spots(z, disc, cutoff)
+    spot = carried_spot(z)
     found = np.zeros((len(PLACES_MM), CONFIG.sensor.line_length))
     for row, x, middle in zip(found, PLACES_MM, middles(z), strict=True):
         pixels = np.arange(middle - REACH_PX, middle + REACH_PX + 1)
@@ -96,8 +92,14 @@ def carried(z: float, low: float) -> Floats:
 
 
 @cache
-def spots(z: float, disc: float, cutoff: float) -> CarriedSpot:
-    return CarriedSpot(plates(z, 1.0, pattern=True).scene.laser, z, CONFIG, disc, cutoff)
+def carried_spot(z: float) -> CarriedSpot:
+    scene = plates(z, 1.0, pattern=True).scene
+    lens, geometry = scene.lens, CONFIG.geometry
+    depth = np.array([depth_mm(z)])
+    disc = float(image.defocus_radius_px(depth, lens.focus_mm, lens.f_number, CONFIG)[0])
+    working = ThinLens.of(lens.f_number, lens.focus_mm, geometry).working
+    cutoff = geometry.pitch_mm / (1e-6 * scene.laser.wavelength_nm * working)
+    return CarriedSpot(scene.laser, z, CONFIG, disc, cutoff)
 
 
 def middles(z: float) -> np.ndarray:
@@ -148,6 +150,36 @@ def test_a_cut_beam_at_an_edge_of_reflectance_is_where_the_wave_is(
     peaks = got.max(axis=1) / want.max(axis=1)
     print(f"peaks {peaks.min():.4f} to {peaks.max():.4f}")
     assert np.abs(peaks - 1.0).max() < 0.015
+
+
+@pytest.mark.parametrize("tolerance_px", [0.0, 0.01])
+@pytest.mark.parametrize(("z", "pulse_us"), [(400.0, 1.0), (1000.0, 1.0), (400.0, 4.0)])
+def test_a_beam_that_moves_over_an_edge_moves_and_the_edge_does_not(
+    z: float, pulse_us: float, tolerance_px: float
+) -> None:
+    """Against the wave's rows at moments of the pulse, in which the beam turns by 0.56 mrad/us."""
+    line = CONFIG.line.model_copy(update={"pulse_us": pulse_us})
+    config = CONFIG.model_copy(update={"line": line})
+    light = Light(plates(z, 0.1, pattern=False).scene, config)
+    place_mm, turned = np.linspace(-1.2, 1.2, 13), scan_rate(config.mirror) * 1e-6 * pulse_us
+    timeline = at_places(z, place_mm)
+    timeline = replace(timeline, rate_rad_per_s=np.full(len(timeline), 1e6 * turned / pulse_us))
+    renderer = Renderer(light, ACTIVE | {"smear"}, tolerance_px=tolerance_px)
+    got = renderer.charge(timeline).laser_e.astype(np.float64)
+    node, weight = np.polynomial.legendre.leggauss(9 if pulse_us == 1.0 else 25)
+    moments = z * np.tan(timeline.angle_rad[:, None] + 0.5 * turned * node)
+    spot = carried_spot(z)
+    error = []
+    for row, middle, moment in zip(got, middles(z), moments, strict=True):
+        pixels = np.arange(middle - REACH_PX, middle + REACH_PX + 1).astype(np.float64)
+        parts = [w * spot.row(float(x), 0.1, pixels) for w, x in zip(weight, moment, strict=True)]
+        want = np.zeros(len(row))
+        want[middle - REACH_PX : middle + REACH_PX + 1] = sum(parts)
+        error.append(position(row) - position(want))
+    print(
+        f"z {z:g}, {pulse_us:g} us: {np.abs(error).max():.4f} px at most, {np.std(error):.4f} rms"
+    )
+    assert np.abs(error).max() < 0.03
 
 
 @pytest.mark.parametrize(

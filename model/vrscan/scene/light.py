@@ -135,7 +135,7 @@ class Light:
         ends = np.abs(self.world.bounds)
         self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
         # Where spots need rays, by tolerance and effects; see pieces.
-        self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools, Floats]] = {}
+        self.split_maps: dict[tuple[float, frozenset[str], float], tuple[float, Bools, Floats]] = {}
         self._views: dict[int, View] = {}
         self.bounces: dict[int, tuple[Singles, Singles, Floats]] = {}  # see bounce
         self._skirts: dict[int, tuple[Singles, Singles]] = {}

@@ -5,6 +5,7 @@ curvature, patterns), it is followed ray by ray and may end on two surfaces.
 """
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -13,9 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.errors import blamed
+from vrscan.ideal.scanning import scan_rate
 from vrscan.scene import image
-from vrscan.scene.beam import cut, output_mw, radius_mm, zone
+from vrscan.scene.beam import cut, output_mw, pulse_rms_s, radius_mm, zone
 from vrscan.scene.image import Clock
+from vrscan.scene.legendre import legendre
 from vrscan.scene.light import Light
 from vrscan.scene.mirrored import Mirrors
 from vrscan.scene.radiometry import photoelectrons
@@ -44,6 +48,7 @@ _RAYS_CUT = np.concatenate(
         np.linspace(1.9, 4.7, OUTER),
     ]
 )
+_DENSE_GAUSSIAN, _DENSE_CUT = 2.0, 1.6  # how far the rays are close together
 _FEW = np.linspace(-2.0, 2.0, 5)
 _FEW_CUT = np.concatenate([_RAYS_CUT[:1], _FEW, _RAYS_CUT[-1:]])
 _TORN, _TORN_PX = 3.0, 0.5  # a jump of the image between rays, in expected steps and px
@@ -123,14 +128,19 @@ class Spotter:
         self._laser, self.cut = laser, cut(laser)
         self._rim_mm = 0.5 * laser.aperture_mm
         self._offset = _RAYS_GAUSSIAN if self.cut is None else _RAYS_CUT
+        self._dense = _DENSE_GAUSSIAN if self.cut is None else _DENSE_CUT
+        # A box as long as the pulse, of the same variance, over which the beam turns.
+        self._box_s = 1e-6 * config.line.pulse_us
+        if "smear" in active:
+            with blamed(scene.source):
+                self._box_s = math.sqrt(12.0) * pulse_rms_s(laser, self._box_s)
         # Windows of a spot on its plane reach as far as its rays would where these would all tell.
         rings = self.cut is not None and tolerance_px < _FEW_TELL_PX
         self.ring_reach = 2.0 * float(_RAYS_CUT[-1]) / image.REACH if rings else 1.0
         # No corner of the box is twice as far as any of its coordinates, so no ray that meets a
         # target is twice as far from the axis as there.
         widest = max(float(self._offset.max()), _TEST_FAR)
-        room = 2.0 * max(widest * radius_mm(np.array([0.0, light.farthest_mm]), laser))
-        self._box = light.world.bounds + np.array([[-room], [room]])
+        self._room = 2.0 * max(widest * radius_mm(np.array([0.0, light.farthest_mm]), laser))
         self._few = _FEW if self.cut is None else _FEW_CUT
         self._blend, self._misses = _matrices(self.cut is not None)
         self._pulse_s = 1e-6 * config.line.pulse_us
@@ -148,6 +158,12 @@ class Spotter:
     def find(self, timeline: Timeline) -> tuple[Spots, list[Pieces], list[Pieces]]:
         """Return the spots of the beam's axis, their pieces, and pieces of second beams."""
         count, angle = len(timeline), timeline.angle_rad
+        # A mirror's largest rate tells everywhere where rays are needed, so that one map of angles
+        # serves all lines; an even sweep has one rate.
+        if self.light.scene.scan.sweep == "even":
+            self._rate = float(np.abs(timeline.rate_rad_per_s).max(initial=0.0))
+        else:
+            self._rate = scan_rate(self.light.config.mirror)
         beam = np.stack([np.sin(angle), np.zeros(count), np.cos(angle)], axis=1)
         spots = self._meet(np.zeros((count, 3)), beam, timeline.y_mm)
         pieces = [self._whole(spots, timeline, np.arange(count))]
@@ -236,6 +252,22 @@ class Spotter:
             return np.zeros(len(px_per_s))
         return np.minimum(np.abs(px_per_s) * self._pulse_s, 4.0 * WIDEST_PX)
 
+    def _moved(self, distance: Floats, rate: Floats | None = None) -> Floats:
+        """Return how far the beam moves on surfaces in a pulse, in its 1/e2 radii [n].
+
+        Args:
+            distance: Finite distances of the surfaces [n].
+            rate: Rates of the beam [n]; the scan's largest if None.
+        """
+        if "smear" not in self.active:
+            return np.zeros(len(distance))
+        turned = self._box_s * (self._rate if rate is None else np.abs(rate))
+        return np.asarray(turned * distance / radius_mm(distance, self._laser))
+
+    def _stretch(self, moved: Floats) -> Floats:
+        """Return the factor of rays' offsets with which they reach as far as a moving beam [n]."""
+        return np.asarray(1.0 + 0.5 * moved / self._dense)
+
     def _offset_rays(
         self, spots: Spots, beam: Floats, rows: Ints, offset: Floats
     ) -> tuple[Floats, Floats]:
@@ -289,16 +321,19 @@ class Spotter:
         with np.errstate(invalid="ignore"):
             off_sensor = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
         drawn = ~(off_sensor & spots.lit)
-        if np.isfinite(self._box).all():
+        room = self._room * float(self._stretch(self._moved(np.array([self.light.farthest_mm])))[0])
+        box = self.light.world.bounds + np.array([[-room], [room]])
+        if np.isfinite(box).all():
             start = np.stack([np.zeros(len(y_mm)), y_mm, np.zeros(len(y_mm))], axis=1)
-            enter, leave = slab(self._box, start, beam)
+            enter, leave = slab(box, start, beam)
             drawn &= spots.lit | ((enter <= leave) & (leave > 0.0))
         return drawn
 
     def _split_map(self) -> tuple[float, Bools, Floats]:
         """Return the map's first angle, and what ``_needs_rays`` gives at each of its angles."""
         light = self.light
-        key = self.tolerance_px, self.active & {"truncation", "gloss", "falloff"}
+        seen = self.active & {"truncation", "gloss", "falloff", "smear"}
+        key = self.tolerance_px, seen, self._rate
         if key not in light.split_maps:
             scan, mirror = light.scene.scan, light.config.mirror
             reach = 1.05 * mirror.amplitude_deg if scan.sweep == "mirror" else scan.half_angle_deg
@@ -325,7 +360,13 @@ class Spotter:
         shift_px = np.zeros(len(split))
         rows = np.flatnonzero(self._in_sight(spots, beam, y_mm))
         limit = self.tolerance_px
-        origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))
+        distance = np.where(spots.lit, spots.distance, self.light.farthest_mm)[rows]
+        moved = self._moved(distance)
+        test = self._stretch(moved) * _TEST
+        both = test[:, None] * np.array([-1.0, 1.0])
+        origin, direction = self._offset_rays(spots, beam, rows, both)
+        # Of the light's variance about the axis, over four times that at the two rays.
+        spread = (1.0 + np.square(moved) / 3.0) / np.square(2.0 * test)
         sides = self._meet(origin, direction, np.repeat(y_mm[rows], 2))
         seen = sides.seen.reshape(-1, 2)
         axis = spots.seen[rows]
@@ -337,16 +378,16 @@ class Spotter:
             distance = np.where(spots.lit, spots.distance, 0.0)[rows]
             width = radius_mm(distance, self._laser)
             step = np.diff(place, axis=1)[:, 0]
-            sag = (place.mean(axis=1) - spots.position_px[rows]) / (2.0 * _TEST) ** 2
+            sag = (place.mean(axis=1) - spots.position_px[rows]) * spread
             size = np.abs(step)
-            bent = np.abs(size - 2.0 * _TEST * width * np.abs(spots.px_per_mm[rows])) > 0.1 * size
+            bent = np.abs(size - 2.0 * test * width * np.abs(spots.px_per_mm[rows])) > 0.1 * size
             light = sides.collected.reshape(-1, 2)
             tilt = np.diff(light, axis=1)[:, 0] / spots.collected[rows]
-            lean = tilt * step / (4.0 * _TEST) ** 2
+            lean = tilt * step * spread / 4.0
             bent |= np.abs(sag) > limit
             uneven = ~(np.abs(lean) <= limit)  # nor where the axis has no light
-        moved = sag + lean
-        shift_px[rows] = np.where(np.isfinite(moved), moved, 0.0)
+        shift = sag + lean
+        shift_px[rows] = np.where(np.isfinite(shift), shift, 0.0)
         split[rows] = edge | ((axis | seen.any(axis=1)) & (bent | uneven))
         rows = rows[~split[rows]]
         if limit < _FEW_TELL_PX:
@@ -394,10 +435,12 @@ class Spotter:
         The distance, px, is from the image of the same ray on the axis's tangent plane, 0 where
         there is none.
         """
-        origin, direction = self._offset_rays(spots, beam, rows, offset)
+        far = np.where(spots.lit, spots.distance, self.light.farthest_mm)[rows]
+        reach = self._stretch(self._moved(far))[:, None] * offset
+        origin, direction = self._offset_rays(spots, beam, rows, reach)
         found = self._meet(origin, direction, np.repeat(y_mm[rows], len(offset)))
         width = radius_mm(np.where(spots.lit, spots.distance, 0.0)[rows], self._laser)
-        flat = spots.position_px[rows, None] + (width * spots.px_per_mm[rows])[:, None] * offset
+        flat = spots.position_px[rows, None] + (width * spots.px_per_mm[rows])[:, None] * reach
         off = np.abs(found.position_px.reshape(flat.shape) - flat)
         return found, np.where(np.isnan(off), 0.0, off)
 
@@ -405,11 +448,16 @@ class Spotter:
         """Return the spots of some lines, followed ray by ray, at most two pieces for each line.
 
         The beam's profile across the scan plane is that of its middle: what a spot's upper and
-        lower parts see is taken to be the same, which for a sensor of one row is nearly so.
+        lower parts see is taken to be the same, which for a sensor of one row is nearly so. While
+        the laser is on the beam moves over its parts, which stay: they get the light of the moving
+        beam, and their image is not smeared.
         """
-        parts = self._parts(spots, beam, timeline, rows)
+        far = np.where(spots.lit, spots.distance, self.light.farthest_mm)[rows]
+        moved = self._moved(far, timeline.rate_rad_per_s[rows])
+        stretch = self._stretch(moved)[:, None]
+        parts = self._parts(spots, beam, timeline, rows, stretch)
         shape = (len(rows), RAYS)
-        cells, shift = self._cells(spots, beam, timeline, rows, parts)
+        cells, shift = self._cells(spots, beam, timeline, rows, parts, moved)
         place = parts.position_px.reshape(shape)
         used = parts.seen.reshape(shape)
         light = np.where(used, np.maximum(parts.collected.reshape(shape), 0.0), 0.0) * cells
@@ -464,12 +512,14 @@ class Spotter:
                     zone=near,
                     parts_px=place[kept],
                     share=share,
-                    cell_px=long[:, None] * np.diff(self._offset)[[RAYS // 2, 0]],
+                    cell_px=(long[:, None] * stretch[kept]) * np.diff(self._offset)[[RAYS // 2, 0]],
                 )
             )
         return pieces
 
-    def _parts(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> Spots:
+    def _parts(
+        self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints, stretch: Floats
+    ) -> Spots:
         """Return the rays of some lines' spots, [m * RAYS].
 
         Without ``detail``, a few tell whether a spot is on one smooth surface: there the others lie
@@ -477,10 +527,11 @@ class Spotter:
         """
         offset, knots, misses = self._offset, self._few, self._misses
         if "detail" in self.active:
-            origin, direction = self._offset_rays(spots, beam, rows, offset)
+            origin, direction = self._offset_rays(spots, beam, rows, offset * stretch)
             return self._meet(origin, direction, np.repeat(timeline.y_mm[rows], RAYS))
         few = self._meet(
-            *self._offset_rays(spots, beam, rows, knots), np.repeat(timeline.y_mm[rows], len(knots))
+            *self._offset_rays(spots, beam, rows, knots * stretch),
+            np.repeat(timeline.y_mm[rows], len(knots)),
         )
         shape = (len(rows), len(knots))
         target = few.target.reshape(shape)
@@ -491,7 +542,7 @@ class Spotter:
         smooth &= np.abs(place @ misses.T).max(axis=1) < _SMOOTH_PX
         smooth &= np.abs(light @ misses.T).max(axis=1) < _SMOOTH_LIGHT * light[:, middle]
         torn = np.flatnonzero(~smooth)
-        origin, direction = self._offset_rays(spots, beam, rows[torn], offset)
+        origin, direction = self._offset_rays(spots, beam, rows[torn], offset * stretch[torn])
         real = self._meet(origin, direction, np.repeat(timeline.y_mm[rows[torn]], RAYS))
         even = np.flatnonzero(smooth)
 
@@ -513,12 +564,37 @@ class Spotter:
         )
 
     def _cumulated(
+        self, spots: Spots, rows: Ints, parts: Spots, moved: Floats
+    ) -> Callable[[Floats, Ints], tuple[Floats, Floats]]:
+        """Return the function that sums the light of some lines' profiles over the pulse.
+
+        Its arguments are places in 1/e2 radii [k, ...] and their lines' indices in ``rows``. The
+        pulse is a few moments, between which the beam's light is smooth.
+        """
+        still = self._still(spots, rows, parts)
+        if not moved.any():
+            return still
+        node, weight = legendre(2 + math.ceil(2.0 * self._most_moved()))
+
+        def sums(x: Floats, index: Ints) -> tuple[Floats, Floats]:
+            light, moment = 0.0, 0.0
+            for share, at in zip((0.5 * weight).tolist(), (0.5 * node).tolist(), strict=True):
+                away = at * moved[index]
+                part, turn = still(x - away, index)
+                light, moment = light + share * part, moment + share * (turn + away * part)
+            return np.asarray(light), np.asarray(moment)
+
+        return sums
+
+    def _most_moved(self) -> float:
+        """Return the largest ``_moved`` of any distance: far away, or at the beam's waist."""
+        distance = np.linspace(0.0, self.light.farthest_mm, 65)
+        return float(self._moved(distance).max())
+
+    def _still(
         self, spots: Spots, rows: Ints, parts: Spots
     ) -> Callable[[Floats, Ints], tuple[Floats, Floats]]:
-        """Return the function that sums the light of some lines' profiles.
-
-        Its arguments are places in 1/e2 radii [k, ...] and their lines' indices in ``rows``.
-        """
+        """Return the same of a beam at rest."""
         if self.cut is None:
             return lambda x, _: gaussian_cumulated(x)
         distance = np.where(spots.lit[rows], spots.distance[rows], self.light.farthest_mm)
@@ -530,7 +606,13 @@ class Spotter:
         return self.cut.cumulated(zone(distance, self._laser), image.band(height, radius))
 
     def _cells(
-        self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints, parts: Spots
+        self,
+        spots: Spots,
+        beam: Floats,
+        timeline: Timeline,
+        rows: Ints,
+        parts: Spots,
+        moved: Floats,
     ) -> tuple[Floats, Floats]:
         """Return the share of the beam that each ray stands for, and its image's shift in px.
 
@@ -542,10 +624,12 @@ class Spotter:
         Returns:
             Shares and shifts [m, RAYS].
         """
-        offset, shape = self._offset, (len(rows), RAYS)
-        sums = self._cumulated(spots, rows, parts)
-        step = np.diff(offset)
-        ends = np.concatenate([[-np.inf], offset[:-1] + 0.5 * step, [np.inf]])
+        shape = (len(rows), RAYS)
+        offset = self._offset * self._stretch(moved)[:, None]
+        sums = self._cumulated(spots, rows, parts, moved)
+        step = np.diff(offset, axis=1)
+        ends = np.pad(offset[:, :-1] + 0.5 * step, ((0, 0), (1, 1)))
+        ends[:, 0], ends[:, -1] = -np.inf, np.inf
         light, moment = sums(ends, np.arange(len(rows))[:, None])
         light = np.broadcast_to(light, (len(rows), RAYS + 1))
         moment = np.broadcast_to(moment, light.shape)
@@ -568,10 +652,10 @@ class Spotter:
         line, ray = np.nonzero(edge)
         if len(line):
             end = self._edges(
-                spots, beam, timeline, rows[line], kind, depth, bright, torn, line, ray
+                spots, beam, timeline, rows[line], kind, depth, bright, torn, line, ray, offset
             )
-            middle = ends[ray + 1]
-            split = np.stack([middle, offset[ray] + end * step[ray]], axis=1)
+            middle = ends[line, ray + 1]
+            split = np.stack([middle, offset[line, ray] + end * step[line, ray]], axis=1)
             light, moment = sums(split, line[:, None])
             for amount, sum_ in ((cells, light), (moments, moment)):
                 moved = sum_[:, 1] - sum_[:, 0]
@@ -579,7 +663,7 @@ class Spotter:
                 amount[line, ray + 1] -= moved
         np.maximum(cells, 0.0, out=cells)
         shift = np.where(cells > 1e-7, moments / np.maximum(cells, 1e-7) - offset, 0.0)
-        reach = np.append(step, step[-1])
+        reach = np.concatenate([step, step[:, -1:]], axis=1)
         return cells, np.clip(shift, -1.5 * reach, 1.5 * reach) * width * lean
 
     def _edges(
@@ -594,6 +678,7 @@ class Spotter:
         torn: Bools,
         line: Ints,
         ray: Ints,
+        offset: Floats,
     ) -> Floats:
         """Return where edges between neighbouring rays are, as shares of the way to the next ray.
 
@@ -608,6 +693,7 @@ class Spotter:
             torn: Whether the image jumps from a ray to the next [m, RAYS - 1].
             line: Line of each edge in these arrays [e].
             ray: The ray before it [e].
+            offset: Offsets of the rays in 1/e2 radii [m, RAYS].
         """
         low, size = np.zeros(len(line)), 1.0
 
@@ -618,9 +704,10 @@ class Spotter:
         by_light = ((left == right)[:, 0] & ~torn[line, ray])[:, None]
         y_mm = np.repeat(timeline.y_mm[rows], _SECTIONS - 1)
         part = np.arange(1, _SECTIONS) / _SECTIONS
-        step = np.diff(self._offset)[ray][:, None]
+        first = offset[line, ray][:, None]
+        step = offset[line, ray + 1][:, None] - first
         for _ in range(_ROUNDS):
-            here = self._offset[ray][:, None] + (low[:, None] + size * part) * step
+            here = first + (low[:, None] + size * part) * step
             found = self._meet(*self._offset_rays(spots, beam, rows, here), y_mm)
             own = np.where(found.seen, found.target, -1).reshape(here.shape)
             deep, light = found.depth.reshape(here.shape), found.collected.reshape(here.shape)

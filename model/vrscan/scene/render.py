@@ -355,7 +355,12 @@ class Renderer:
             # The disc of a ghost is its own.
             radius_px=some.radius_px if "defocus" in self.active or not some.speckled else None,
             height_ratio=some.height_px / np.maximum(some.radius_px, 1e-3),
-            speed_px=some.speed_px if "smear" in self.active and some.speckled else None,
+            # Parts of a spot stay where they are, and have the light of the moving beam.
+            speed_px=(
+                some.speed_px
+                if "smear" in self.active and some.speckled and spectrum is None
+                else None
+            ),
             pulse=self._pulse,
             coma_px=some.coma_px if "coma" in self.active and some.speckled else None,
             transfer=self._pupil(width),
