@@ -6,21 +6,38 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import NamedTuple
 
 from browser import DEEP, Browser
 
 MODEL = "Bokeh.documents[0].get_model_by_name"
 
 
+class Shown(NamedTuple):
+    """A live view: URL of its page, number of its process, and the word for its buttons."""
+
+    url: str
+    pid: int
+    word: str
+
+
+def shown_at(port: Path, *words: str, control: bool = True) -> AbstractContextManager[Shown]:
+    """Show a board."""
+    return shown("--port", str(port), "--out", str(port.parent / "kept"), *words, control=control)
+
+
 @contextlib.contextmanager
-def shown_at(port: Path, *words: str) -> Iterator[tuple[str, int]]:
-    """Show a board; yield the page's URL and the process's number."""
-    command = [sys.executable, "-m", "vrscan", "view", "--port", str(port)]
-    command += ["--http-port", "0", "--out", str(port.parent / "kept"), *words]
+def shown(*words: str, control: bool = False) -> Iterator[Shown]:
+    """Run the view."""
+    command = [sys.executable, "-m", "vrscan", "view", "--http-port", "0", *words]
+    command += ["--control"] * control
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None
-        yield running.stdout.readline().strip(), running.pid
+        url = running.stdout.readline().strip()
+        word = running.stdout.readline().split()[0] if control else ""
+        yield Shown(url, running.pid, word)
         running.send_signal(signal.SIGTERM)
         assert running.wait(60.0) == 0
 
@@ -38,6 +55,20 @@ def opened(url: str) -> Iterator[Browser]:
 def element(page: Browser, what: str) -> str:
     """Return an expression for the only element, within shadow trees too, that fits."""
     return f"(() => {{ {DEEP} return all(document.body).find((e) => {what}) }})()"
+
+
+def unlock(page: Browser, shown: Shown) -> None:
+    """Type the word that the terminal printed."""
+    enter(page, "word in the terminal", shown.word)
+    page.wait(element(page, "e.tagName == 'BUTTON' && e.textContent.trim() == 'Start'"))
+
+
+def press(page: Browser, label: str) -> None:
+    """Press a button that the page hides."""
+    hidden = f"{MODEL}('{label.lower()}')"
+    page.wait(hidden)
+    page.run(f"{hidden}.visible = true")
+    click(page, label)
 
 
 def click(page: Browser, label: str) -> None:

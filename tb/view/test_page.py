@@ -1,14 +1,29 @@
 """The page in a browser, before a board made of the twins that sees a scene."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import browser
 import numpy as np
 import pytest
 from browser import Browser
 from fake_board import FakeBoard
-from page_bench import MODEL, choose, click, columns, count, enter, grows, opened, says, shown_at
+from page_bench import (
+    MODEL,
+    Shown,
+    choose,
+    click,
+    columns,
+    count,
+    enter,
+    grows,
+    opened,
+    press,
+    says,
+    shown_at,
+    unlock,
+)
 from scene_board import let_see, scene_lines
 
 from vrscan.data import recordings, records
@@ -17,6 +32,14 @@ from vrscan.view import playback
 
 pytestmark = browser.NEEDED
 LINES_PER_S = 600.0
+PATIENCE_S = 20.0
+
+
+def until(wanted: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not wanted():
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 @pytest.fixture(scope="module")
@@ -28,18 +51,19 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FakeBoard]:
 
 
 @pytest.fixture(scope="module")
-def url(board: FakeBoard) -> Iterator[str]:
-    with shown_at(board.path, "--timeout", "4", "--step", "1") as (found, _):
-        yield found
-
-
-@pytest.fixture(scope="module")
-def page(url: str) -> Iterator[Browser]:
-    with opened(url) as made:
+def shown(board: FakeBoard) -> Iterator[Shown]:
+    with shown_at(board.path, "--timeout", "4", "--step", "1") as made:
         yield made
 
 
-def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, url: str) -> None:
+@pytest.fixture(scope="module")
+def page(shown: Shown) -> Iterator[Browser]:
+    with opened(shown.url) as made:
+        unlock(made, shown)
+        yield made
+
+
+def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, shown: Shown) -> None:
     says(page, "mirror RUN, settled, lines run")
     first = count(page)
     page.wait(f"{MODEL}('profile').renderers[2].data_source.data.z.length > 99")
@@ -51,7 +75,7 @@ def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, url: st
     assert any(np.array_equal(pixels, row) for row in board.pixels)
     grows(page, first)
     came = page.run("return performance.getEntriesByType('resource').map((e) => e.name)")
-    assert came and all(each.startswith(url) for each in came)
+    assert came and all(each.startswith(shown.url) for each in came)
 
 
 def test_it_writes_a_register_and_says_why_not(page: Browser, board: FakeBoard) -> None:
@@ -100,6 +124,40 @@ def test_it_outlives_the_port(page: Browser, board: FakeBoard) -> None:
     board.plug()
     says(page, "live")
     grows(page, before + LINES_PER_S)
+
+
+def test_a_page_gives_no_orders_without_the_word(shown: Shown, board: FakeBoard) -> None:
+    """Buttons that a page hides can still be pressed by a program."""
+    held = board.file.values
+    with opened(shown.url) as page:
+        enter(page, "word in the terminal", shown.word[:-1])
+        says(page, "a page was given a wrong word")
+        held["laser_enable"] = [0]
+        for label in ("Start", "Record", "Write"):
+            press(page, label)
+            says(page, "This page is read-only.")
+        assert held["laser_enable"] == [0]
+        unlock(page, shown)
+        click(page, "Start")
+        until(lambda: held["laser_enable"] == [1])
+        page.open(shown.url)
+        click(page, "Stop")  # needs no word
+        until(lambda: held["laser_enable"] == [0])
+
+
+def test_a_view_without_control_is_read_only(tmp_path: Path) -> None:
+    with FakeBoard(tmp_path / "port") as other:
+        held = other.file.values
+        with (
+            shown_at(other.path, "--timeout", "4", control=False) as shown,
+            opened(shown.url) as page,
+        ):
+            says(page, "read-only")
+            says(page, "waiting for lines, which stand still, for ")
+            for label in ("Start", "Stop", "Unlock", "Record", "Write"):
+                press(page, label)
+            says(page, "This page is read-only.")
+            assert held["laser_enable"] == held["line_enable"] == held["mirror_enable"] == [0]
 
 
 @pytest.mark.parametrize("width", [1440, 480])

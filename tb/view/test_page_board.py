@@ -7,7 +7,7 @@ import browser
 import numpy as np
 import pytest
 from browser import Browser
-from page_bench import choose, click, columns, count, enter, grows, opened, says, shown_at
+from page_bench import choose, click, columns, count, enter, grows, opened, says, shown_at, unlock
 from slow_board import CONFIG, SCENE
 
 from vrscan.data import recordings
@@ -30,7 +30,8 @@ def page(port: Path) -> Iterator[Browser]:
     config = port.parent / "config.toml"
     config.write_text(to_toml(CONFIG))
     words = "--config", str(config), "--timeout", "30", "--step", "5", "--start"
-    with shown_at(port, *words) as (url, _), opened(url) as made:
+    with shown_at(port, *words) as shown, opened(shown.url) as made:
+        unlock(made, shown)
         yield made
 
 

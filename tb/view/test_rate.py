@@ -9,7 +9,7 @@ import browser
 import numpy as np
 import pytest
 from fake_board import FakeBoard
-from page_bench import click, opened, says, shown_at
+from page_bench import click, opened, says, shown_at, unlock
 from random_records import random_records
 
 from vrscan.data import recordings, records
@@ -62,13 +62,14 @@ def test_all_points_of_a_scan_are_recorded(tmp_path: Path) -> None:
         board.lines_per_s = float(RATE)
         board.packets = packets(made, round((RECORDED_S + 60.0) * RATE / BATCH))
         words = "--timeout", "4", "--space", "--step", "1"
-        with shown_at(board.path, *words) as (url, process), opened(url) as page:
+        with shown_at(board.path, *words) as shown, opened(shown.url) as page:
             says(page, "a board answers")
+            unlock(page, shown)
             click(page, "Record")
             says(page, ": recording")
-            begun, before = time.monotonic(), spent_s(process)
+            begun, before = time.monotonic(), spent_s(shown.pid)
             time.sleep(RECORDED_S)
-            share = (spent_s(process) - before) / (time.monotonic() - begun)
+            share = (spent_s(shown.pid) - before) / (time.monotonic() - begun)
             click(page, "End")
             says(page, "points, ")
     (path,) = (tmp_path / "kept").glob("*.mcap")

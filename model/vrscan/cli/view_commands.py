@@ -52,6 +52,14 @@ def view(
         str, typer.Option(help="What the simulated board looks at: a shipped scene or FILE.toml.")
     ] = "default",
     start: StartOption = False,
+    control: Annotated[
+        bool,
+        typer.Option(
+            "--control",
+            help="Let the page start, stop, record and write registers, once a word that is "
+            "printed here is typed into it.",
+        ),
+    ] = False,
     space: Annotated[
         bool,
         typer.Option("--space", help="Show points and free beams in 9 bytes: all lines of a scan."),
@@ -93,6 +101,8 @@ def view(
     given = [name for name, there in wanted.items() if there]
     if len(given) > 1:
         raise InputError(f"{' or '.join(given)}: only one of them")
+    if control and file is not None:
+        raise InputError("--control: a recording has no board to control")
     check_range("--speed", speed, 1e-4, 100.0)
     if step is not None:
         check_range("--step", step, 1, MOST_STEP)
@@ -127,7 +137,7 @@ def view(
         stack.callback(source.close)
         if isinstance(source, LiveSource):
             source.begin()
-        _serve(source, folder, http_port, ended)
+        _serve(source, folder, http_port, ended, control=control)
 
 
 def _tell_missing(port: str) -> None:
@@ -155,16 +165,29 @@ def _simulated(
 
 
 def _serve(
-    source: "LiveSource | Playback", folder: Path, port: int, ended: Callable[[], int | None]
+    source: "LiveSource | Playback",
+    folder: Path,
+    port: int,
+    ended: Callable[[], int | None],
+    *,
+    control: bool,
 ) -> None:
     """Show pages of a source until a signal comes."""
     import asyncio
 
     from vrscan.view import page, server
+    from vrscan.view.live import LiveSource
+    from vrscan.view.word import new_word
+
+    word = new_word() if control else None
 
     async def run() -> None:
-        served, url = server.serve(lambda document: page.make(document, source, folder), port)
+        served, url = server.serve(lambda document: page.make(document, source, folder, word), port)
         print(url, flush=True)
+        if word is not None:
+            print(f"{word}  is the word that gives a page its buttons", flush=True)
+        elif isinstance(source, LiveSource):
+            print("the page is read-only; with --control it has buttons", flush=True)
         while ended() is None:
             await asyncio.sleep(0.1)
         served.stop()

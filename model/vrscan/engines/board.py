@@ -136,8 +136,9 @@ def command(
         InputError: as ``load``, ``library`` and ``build``.
     """
     make_folder(port)
+    shown = load(scene)  # before a build of minutes
     program = build(config, loaded=loaded)
-    lines = library(load(scene), config, build_folder() / "board", progress=progress)
+    lines = library(shown, config, build_folder() / "board", progress=progress)
     words = [str(program), "--library", str(lines), "--port", str(port)]
     words += ["--status", str(status_file(port)), "--clock-hz", repr(config.clock.frequency_hz)]
     if seconds is not None:

@@ -32,6 +32,7 @@ class RawLine:
     pixels: Pixels
     point: Table | None
     threshold: float
+    note: str = ""  # which of a file's raw lines it is
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,8 @@ class LiveSource:
         step: Distance of the lines whose points come.
     """
 
+    counted = "points"  # what ``count`` counts
+
     def __init__(self, options: Options) -> None:
         self.display = Display()
         self.events: deque[tuple[float, str]] = deque(maxlen=EVENTS)
@@ -102,6 +104,8 @@ class LiveSource:
         self.state = f"{options.port}: connecting"
         self.connected = False
         self.step = options.step or 1
+        self._lines_run: bool | None = None  # None is not known
+        self._begun_s = time.monotonic()
         self.options = options
         self._writer: Recorder | None = None
         self._device: Device | None = None
@@ -117,6 +121,7 @@ class LiveSource:
     def begin(self) -> None:
         """Start the threads, if they do not run yet."""
         if self._thread.ident is None:
+            self._begun_s = time.monotonic()
             self._thread.start()
 
     def close(self) -> None:
@@ -130,6 +135,23 @@ class LiveSource:
     def name(self) -> str:
         """Return what the page calls the source."""
         return self.options.port
+
+    @property
+    def count(self) -> int:
+        """Return the number of points so far."""
+        return self.display.count
+
+    @property
+    def age_s(self) -> float:
+        """Return the time since the source began."""
+        return time.monotonic() - self._begun_s
+
+    @property
+    def awaited(self) -> str:
+        """Return what has to come before all points, or an empty text."""
+        if not self.connected:
+            return "a board that answers"
+        return "lines, which stand still" if self._lines_run is False else ""
 
     def account(self) -> Account:
         """Return the numbers of points that came and that did not, over all connections."""
@@ -304,7 +326,8 @@ class LiveSource:
         error = values.to_scaled("mirror_error", found["mirror_error"])
         assert isinstance(error, float)
         self.display.mirror = amplitude, 360.0 * error
-        lines = "lines run" if found["line_enable"] else "lines stand still"
+        self._lines_run = bool(found["line_enable"])
+        lines = "lines run" if self._lines_run else "lines stand still"
         self._say(f"mirror {mirror_text(found)}, {lines}")
 
     def _capture(self, device: Device) -> None:

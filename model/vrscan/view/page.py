@@ -20,16 +20,15 @@ from bokeh.models import (
     BooleanFilter,
     CDSView,
     ColumnDataSource,
-    CustomJS,
     DataRange1d,
     InlineStyleSheet,
     LinearAxis,
     LinearColorMapper,
     Model,
-    Plot,
     Range1d,
 )
 from bokeh.models.annotations.geometry import BoxAnnotation, Span
+from bokeh.models.annotations.labels import Title
 from bokeh.models.annotations.legends import ColorBar
 from bokeh.models.widgets.buttons import Button
 from bokeh.models.widgets.inputs import TextInput
@@ -50,6 +49,7 @@ from vrscan.view.display import ROWS, SAMPLE_S, SAMPLES, Display, RawLine
 from vrscan.view.live import LiveSource
 from vrscan.view.picture import followed, profile
 from vrscan.view.playback import Playback
+from vrscan.view.word import is_word
 
 REFRESH_MS = 200
 PATIENCE_S = 5.0  # with a page that does not say that it has drawn
@@ -60,25 +60,25 @@ Source = LiveSource | Playback
 Result = TypeVar("Result")
 
 
-def make(document: Document, source: Source, folder: Path) -> None:
+def make(document: Document, source: Source, folder: Path, word: str | None = None) -> None:
     """Fill a document.
 
     Args:
         document: The document of one page.
         source: What it shows.
         folder: Folder for its recordings.
+        word: What has to be typed into the page before it obeys; None for a page that only shows.
     """
-    page = _Page(document, source, folder)
+    page = _Page(document, source, folder, word)
     if isinstance(source, Playback):
         source.begin()  # now that somebody looks
     for each in page.roots():
         document.add_root(each)
     document.title = f"VR-SCAN: {source.name}"
     document.template = template("vrscan.view", "page.html.j2")
-    document.template_variables.update(source=source.name, cards=page.cards())
-    figures = [each for root in document.roots for each in root.select({"type": Plot})]
-    paint = CustomJS(args={"figures": figures}, code=_text("paint.js"))
-    document.js_on_event("document_ready", paint)
+    document.template_variables.update(
+        source=source.name, cards=page.cards(), script=_text("page.js")
+    )
     document.add_periodic_callback(page.update, REFRESH_MS)
 
 
@@ -90,24 +90,21 @@ def _text(name: str) -> str:
 class _Page:
     """The models of one page."""
 
-    def __init__(self, document: Document, source: Source, folder: Path) -> None:
+    def __init__(self, document: Document, source: Source, folder: Path, word: str | None) -> None:
         self._document = document
         self._source = source
         self._look = InlineStyleSheet(css=_text("page.css"))
         self._state = self._words("state")
         self._tiles = self._words("tiles")
         self._pictures = _Pictures(moves=not isinstance(source, Playback))
-        self._buttons: Model = Div()
-        self._more: list[tuple[Model, tuple[str, str, str, str]]] = []
         self._controls: _Controls | _Player
         if isinstance(source, Playback):
             self._controls = _Player(source, self._look)
         else:
-            self._controls = _Controls(document, source, folder, self._look)
+            self._controls = _Controls(document, source, folder, word, self._look)
         self._events = self._words("events")
         # The page moves the end after the start once it has drawn; until then nothing new is sent.
         self._beat = Range1d(start=0, end=0)
-        self._beat.js_on_change("start", CustomJS(code="cb_obj.end = cb_obj.start"))
         self._pictures.profile.extra_x_ranges["beat"] = self._beat
         self._sent_s = 0.0
 
@@ -145,6 +142,7 @@ class _Page:
         self._tiles.text = _tiles(source)
         self._events.text = _events(source)
         self._pictures.update(display)
+        self._pictures.say(source)
         self._controls.update()
 
 
@@ -161,7 +159,7 @@ def _tiles(source: Source) -> str:
     }
     shown = [
         ("points a second", f"{last.rate:,.0f}" if last else "-", False),
-        ("points", f"{source.display.count:,}", False),
+        (source.counted, f"{source.count:,}", False),
         ("lines with a position", _share(last.valid) if last else "-", False),
         ("S/N, median", _number(last.snr) if last else "-", False),
         *((what, f"{count:,}", count > 0) for what, count in losses.items()),
@@ -287,7 +285,9 @@ class _Pictures:
         made = _figure("scan angle in degrees", None, y_range=rows, y_axis_location=None)
         made.grid.visible = False
         self._colours = LinearColorMapper(palette="Viridis256", nan_color="rgba(0, 0, 0, 0)")
-        self._cells = ColumnDataSource(data={"image": [np.zeros((1, 1))], "x": [0], "dw": [1]})
+        self._cells = ColumnDataSource(
+            data={"image": [np.full((1, 1), np.nan)], "x": [0], "dw": [1]}
+        )
         cells: dict[str, Any] = {"color_mapper": self._colours, "source": self._cells}
         made.image("image", "x", 0, "dw", ROWS, **cells)
         bar = ColorBar(
@@ -349,6 +349,31 @@ class _Pictures:
         if display.line is not None and display.line.line != self._line:
             self._line = display.line.line
             self._show_line(display.line)
+
+    def say(self, source: Source) -> None:
+        """Say in each picture what it waits for and how long, and of which line the raw one is."""
+        display = source.display
+
+        def waiting(for_what: str) -> str:
+            return f"waiting for {for_what}, for {source.age_s:.0f} s"
+
+        what = source.awaited
+        points = "" if display.count else waiting(what or "the first point")
+        for each in (self.profile, self._flags, self._quality, self._rates):
+            _tell(each, points)
+        rows = bool(np.isfinite(self._cells.data["image"][0]).any())
+        _tell(self._image, points or ("" if rows else waiting("a whole sweep")))
+        known = not np.isnan(display.mirror).any()
+        _tell(self._mirror, "" if known else waiting(what or "the state of the mirror"))
+        line = display.line
+        if line is not None:
+            raw = f"line {line.line:,}" + (f": {line.note}" if line.note else "")
+        elif isinstance(source, Playback) and not source.raw_lines:
+            raw = "this file has no raw lines"
+        else:
+            raw = waiting(what or "the first raw line")
+        for made in (self._raw, self._near):
+            _tell(made.figure, raw)
 
     def _show_points(self, display: Display) -> None:
         points = display.last()
@@ -422,11 +447,18 @@ def _figure(x_label: str, y_label: str | None, **ranges: Any) -> figure:
         output_backend="canvas",
         **ranges,
     )
+    made.title = Title(text_font_style="normal", text_font_size="12px")  # what it waits for
     made.toolbar.autohide = True
     made.toolbar_inner = True
     made.toolbar.logo = None
     _calm(made)
     return made
+
+
+def _tell(made: figure, text: str) -> None:
+    """Say something above a figure."""
+    assert isinstance(made.title, Title)
+    made.title.text = text
 
 
 def _calm(made: figure) -> None:
@@ -462,18 +494,31 @@ class _Controls:
     """What can be asked of a board."""
 
     def __init__(
-        self, document: Document, source: LiveSource, folder: Path, look: InlineStyleSheet
+        self,
+        document: Document,
+        source: LiveSource,
+        folder: Path,
+        word: str | None,
+        look: InlineStyleSheet,
     ) -> None:
         self._document, self._source, self._folder = document, source, folder
+        self._word, self._open = word, False  # whether the word was typed into this page
         self._worker = ThreadPoolExecutor(1)
         document.on_session_destroyed(lambda _: self._worker.shutdown(wait=False))
         size: dict[str, Any] = {"width": 84, "height": 32, "stylesheets": [look]}
         self._start = Button(label="Start", name="start", **size)
         self._stop = Button(label="Stop", name="stop", button_type="danger", **size)
         self._record = Button(label="Record", name="record", button_type="primary", **size)
-        self._start.on_click(lambda: self._ask(source.start))
-        self._stop.on_click(lambda: self._ask(source.stop))
+        self._start.on_click(lambda: self._order(source.start))
+        self._stop.on_click(lambda: self._order(source.stop, at_once=True))
         self._record.on_click(self._recording)
+        self._typed = TextInput(
+            placeholder="word in the terminal", name="word", width=170, stylesheets=[look]
+        )
+        self._unlock = Button(label="Unlock", name="unlock", button_type="primary", **size)
+        self._typed.on_change("value", lambda attr, old, new: self._try())
+        self._unlock.on_click(self._try)
+        self._only = Div(text="read-only", name="only", stylesheets=[look])
         # Registers.
         fields: dict[str, Any] = {"sizing_mode": "stretch_width", "stylesheets": [look]}
         self._found: Mapping[str, Value] = {}
@@ -506,15 +551,18 @@ class _Controls:
 
     def roots(self) -> list[Model]:
         """Return the models that the template places by their names."""
-        buttons = row(self._start, self._stop, self._record, name="buttons")
+        parts = self._only, self._typed, self._unlock, self._start, self._stop, self._record
+        buttons = row(*parts, name="buttons")
         above = row(self._filter, self._read, sizing_mode="stretch_width")
         below = row(self._value, self._write, sizing_mode="stretch_width")
-        parts = above, self._table, below, self._answer
-        return [buttons, column(*parts, name="registers", sizing_mode="stretch_both")]
+        lines = above, self._table, below, self._answer
+        self._show()
+        return [buttons, column(*lines, name="registers", sizing_mode="stretch_both")]
 
     def cards(self) -> list[tuple[str, str, str, str]]:
         """Return name, size, heading and note of each card."""
-        return [("registers", "s8 tall", "Registers", "choose one to write it")]
+        note = "choose one for its meaning" if self._word is None else "choose one to write it"
+        return [("registers", "s8 tall", "Registers", note)]
 
     def update(self) -> None:
         """Show what is new."""
@@ -524,6 +572,44 @@ class _Controls:
         if source.connected and not self._connected:
             self._ask(source.registers, self._come)
         self._connected = source.connected
+
+    # ---- who may give orders ----
+
+    def _try(self) -> None:
+        """Take orders from now on, if what was typed is the word."""
+        typed = self._typed.value
+        if not typed or self._word is None:
+            return
+        self._typed.value = ""
+        self._open = is_word(typed, self._word)
+        if not self._open:
+            self._source.happened("a page was given a wrong word")
+            self._answer.text = "This is not the word that the terminal printed."
+        self._show()
+
+    def _show(self) -> None:
+        """Show the buttons that have an effect."""
+        self._only.visible = self._word is None
+        self._typed.visible = self._unlock.visible = self._word is not None and not self._open
+        self._stop.visible = self._word is not None
+        for each in (self._start, self._record, self._value, self._write):
+            each.visible = self._open
+
+    def _order(
+        self,
+        work: Callable[[], Result],
+        done: Callable[[Result], None] = lambda _: None,
+        *,
+        at_once: bool = False,
+    ) -> None:
+        """Let the board do something, if this page may; what makes it dark needs no word.
+
+        A browser can press a button that it does not show.
+        """
+        if self._open or (at_once and self._word is not None):
+            self._ask(work, done)
+        else:
+            self._answer.text = "This page is read-only."
 
     def _ask(
         self, work: Callable[[], Result], done: Callable[[Result], None] = lambda _: None
@@ -551,10 +637,10 @@ class _Controls:
     def _recording(self) -> None:
         source, kept = self._source, self._source.kept
         if kept is not None and kept.open:
-            self._ask(source.stop_recording)
+            self._order(source.stop_recording)
             return
         name = time.strftime("view-%Y%m%d-%H%M%S.mcap")
-        self._ask(lambda: source.record(self._folder / name))
+        self._order(lambda: source.record(self._folder / name))
 
     # ---- registers ----
 
@@ -601,7 +687,7 @@ class _Controls:
             self._list()
             self._answer.text = html.escape(f"{name} = {value_text(name, value)}")
 
-        self._ask(lambda: self._source.write(name, text), done)
+        self._order(lambda: self._source.write(name, text), done)
 
 
 class _Player:
@@ -613,7 +699,7 @@ class _Player:
         self._play = Button(label="Pause", name="play", **size)
         self._place = Slider(
             start=0, end=max(source.length, 1), value=0, step=1, width=260, show_value=False,
-            title="line", name="place", stylesheets=[look],
+            title="points", name="place", stylesheets=[look],
         )  # fmt: skip
         self._play.on_click(source.toggle)
         self._place.on_change("value_throttled", lambda attr, old, new: source.seek(int(new)))
@@ -629,4 +715,5 @@ class _Player:
     def update(self) -> None:
         """Show what is new."""
         self._play.label = "Pause" if self._source.playing else "Play"
-        self._place.update(value=self._source.position, title=f"line {self._source.position:,}")
+        position, length = self._source.position, self._source.length
+        self._place.update(value=position, title=f"{position:,} of {length:,} points")

@@ -41,6 +41,7 @@ class Playback:
     """
 
     connected = True
+    awaited = ""  # nothing but the first point
 
     def __init__(
         self,
@@ -61,6 +62,7 @@ class Playback:
         peak = config.peak
         self._settings = Threshold(peak.k_noise, peak.k_height, peak.noise == "row")
         self._closing = threading.Event()
+        self._begun_s = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
 
     @property
@@ -69,18 +71,38 @@ class Playback:
         return len(self._points)
 
     @property
+    def raw_lines(self) -> int:
+        """Return the number of raw lines."""
+        return 0 if self._raw is None else len(self._raw[0])
+
+    @property
+    def count(self) -> int:
+        """Return how many points of the file are played; the next loop begins at 0 again."""
+        return self.position
+
+    @property
+    def counted(self) -> str:
+        """Return what ``count`` counts."""
+        return f"of {self.length:,} points"
+
+    @property
+    def age_s(self) -> float:
+        """Return the time since somebody looked first."""
+        return time.monotonic() - self._begun_s
+
+    @property
     def state(self) -> str:
         """Return the state in words."""
-        lines = 0 if self._raw is None else len(self._raw[0])
-        return f"{self.name}: {self.length:,} points, {lines:,} raw lines"
+        return f"{self.name}: {self.length:,} points, {self.raw_lines:,} raw lines"
 
     def account(self) -> Account:
-        """Return the number of points that were played; a file loses none."""
-        return Account(records=self.display.count)
+        """Return the number of points of the file that are played; a file loses none."""
+        return Account(records=self.count)
 
     def begin(self) -> None:
         """Start the thread, if it does not run yet."""
         if self._thread.ident is None:
+            self._begun_s = time.monotonic()
             self._thread.start()
 
     def close(self) -> None:
@@ -116,7 +138,8 @@ class Playback:
                 at = (end - 1) * len(raw) // self.length
                 pixels, point = raw.lines[at], made.of(slice(at, at + 1))
                 over = threshold(pixels, self._settings)
-                self.display.line = RawLine(int(point.line[0]), pixels, point, over)
+                note = f"raw line {at + 1:,} of {len(raw):,}, even over the points"
+                self.display.line = RawLine(int(point.line[0]), pixels, point, over, note)
         self.position = 0 if end == self.length else end
 
 
