@@ -677,8 +677,8 @@ class _Controls:
         self._answer.text = html.escape(f"{name}: {each.access}, {each.doc}")
 
     def _writing(self) -> None:
-        name, text = self._chosen(), self._value.value
-        if name is None:
+        name, text = self._chosen() or "", self._value.value
+        if self._open and not name:
             self._answer.text = "No register is chosen."
             return
 
