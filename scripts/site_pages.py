@@ -19,6 +19,7 @@ ELSEWHERE = {
     "changelog.md": "CHANGELOG.md",
     "virtual-board.md": "tb/board/README.md",
 }
+WORKER = "iframe-worker.js"
 LINK = re.compile(r"\[([^\]]+)\]\(((?:\.\./)+[^)]+)\)")
 
 
@@ -29,6 +30,7 @@ def on_files(files: Files, /, *, config: MkDocsConfig) -> Files:
         text = text.replace("](../../docs/", "](").replace("](docs/", "](")
         files.append(File.generated(config, name, content=text))
     files.append(File.generated(config, "api.md", content=python_names()))
+    files.append(File.generated(config, WORKER, abs_src_path=str(ROOT / "scripts" / WORKER)))
     return files
 
 

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import browser
 import pytest
 
 import vrscan
@@ -81,3 +82,24 @@ def test_every_name_of_the_package_is_documented(site: Path) -> None:
     names = Reader(site / "api.html").names
     for place in vrscan._PLACES.values():
         assert place.replace(":", ".") in names
+
+
+@browser.NEEDED
+@pytest.mark.xdist_group("site")
+def test_the_search_finds_in_pages_that_are_files(site: Path) -> None:
+    with browser.Browser() as page:
+        page.open((site / "usage.html").as_uri())
+        page.wait("document.querySelector('[data-md-component=search-result] ol')")
+        page.run(
+            "document.querySelector('[data-md-toggle=search]').click();"
+            "const field = document.querySelector('[data-md-component=search-query]');"
+            "field.focus(); field.value = 'laser guard heartbeat';"
+            "field.dispatchEvent(new KeyboardEvent('keyup', {bubbles: true}))"
+        )
+        page.wait("document.querySelector('.md-search-result__link')", 60.0)
+        links = page.run(
+            "return [...document.querySelectorAll('.md-search-result__link')].map((e) => e.href)"
+        )
+        assert any("registers.html" in link for link in links)
+        assert all((site / unquote(urlsplit(link).path)).exists() for link in links)
+        assert page.complaints() == []
