@@ -37,8 +37,10 @@ def shown(*words: str, control: bool = False) -> Iterator[Shown]:
         assert running.stdout is not None
         url = running.stdout.readline().strip()
         word = running.stdout.readline().split()[0] if control else ""
-        yield Shown(url, running.pid, word)
-        running.send_signal(signal.SIGTERM)
+        try:
+            yield Shown(url, running.pid, word)
+        finally:  # a test that fails would wait for it without end
+            running.send_signal(signal.SIGTERM)
         assert running.wait(60.0) == 0
 
 

@@ -109,3 +109,10 @@ def test_axes_may_share_their_numbers_and_names() -> None:
         assert complaints(figure) == []
         left.set_ylabel("")
         assert len(complaints(figure)) == 2
+
+
+def test_a_name_is_no_formula() -> None:
+    """Matplotlib would refuse the one and set the other in italics."""
+    for name in (r"$\frac$", "a$b$c", "<b>&"):
+        with drawing(3.0, 2.0, name) as figure:
+            figure.draw_without_rendering()

@@ -153,7 +153,7 @@ def test_a_view_without_control_is_read_only(tmp_path: Path) -> None:
             opened(shown.url) as page,
         ):
             says(page, "read-only")
-            says(page, "waiting for lines, which stand still, for ")
+            page.wait(f"{MODEL}('profile').title.text.startsWith('waiting for lines, which stand')")
             for label in ("Start", "Stop", "Unlock", "Record", "Write"):
                 press(page, label)
             says(page, "This page is read-only.")

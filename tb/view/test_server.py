@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import gc
+import html
 import http.client
 import json
 import re
@@ -200,6 +201,31 @@ def test_a_port_in_use_is_told() -> None:
         return str(error.value)
 
     assert "cannot listen (Address already in use)" in str(while_served(ask))
+
+
+def test_names_with_markup_are_text(tmp_path: Path) -> None:
+    name = """<script>hit()</script><img src=x onerror="hit()">&'{{ 7 }}"""
+    source = LiveSource(Options(name))
+    source.happened(name)
+
+    def make(document: Document) -> None:
+        page.make(document, source, tmp_path)
+
+    def ask(port: int) -> str:
+        line = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
+        line.request("GET", "/")
+        return line.getresponse().read().decode()
+
+    shown = html.escape(name)
+    text = while_served(ask, make)
+    assert f"<title>VR-SCAN: {shown}</title>" in text.replace("&#34;", "&quot;").replace(
+        "&#39;", "&#x27;"
+    )
+    assert "<script>hit" not in text and "<img" not in text
+    whole = page._Page(Document(), source, tmp_path, None)
+    whole.update()
+    for div in (whole._state, whole._events):
+        assert shown in div.text and "<img" not in div.text
 
 
 def test_the_word_is_long_and_each_is_another_one() -> None:

@@ -49,7 +49,8 @@ def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
         figure = Figure(figsize=(width, height))  # no window system involved
         if title:
             bold: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "color": INK}
-            figure.suptitle(title, x=0.012, ha="left", **bold)
+            plain = title.replace("$", r"\$")  # names are no formulas
+            figure.suptitle(plain, x=0.012, ha="left", **bold)
         yield figure
 
 
