@@ -402,8 +402,18 @@ FAULTS = [
         ("noise jumps", "<= uneven_q && second_quotient[Quo", "<= second_quotient[Quo"),
         ("a jump from the sum on", "{first_quotient[18:0], 1'b0}", "first_quotient[19:0]"),
         ("less of its own speckle", "most_rough_q >> 7", "most_rough_q >> 6"),
-        ("no product waits", "settled && multiplied", "settled"),
+        ("a pass before its product", "multiplied && divided) begin", "divided) begin"),
         ("not reset", "history_full_q <= 1'b0;", "history_full_q <= history_full_q;"),
+    ),
+    *faults(
+        "model/vrscan/fixed/peak_fit.py",
+        ("never a jump", "JUMP = 2 ", "JUMP = 1 << 30 "),
+        test="peak_fit_model",
+    ),
+    *faults(
+        "model/vrscan/ideal/peak_fit.py",
+        ("never a jump", "= 2.0, 4 / 3, 2.0", "= 2.0, 4 / 3, 1e9"),
+        test="peak_fit_model",
     ),
     *faults(
         "rtl/trig/multiply_fast.sv",
