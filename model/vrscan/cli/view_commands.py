@@ -153,7 +153,9 @@ def _simulated(
     """Start a simulated board until the stack ends; return how it is used."""
     from vrscan.engines import board as virtual
     from vrscan.engines.tools import build_folder
+    from vrscan.scene.description import load
 
+    load(scene)  # refuses one that there is not
     settings = virtual.on_board(settings)
     where = build_folder() / "view" / "port"
     print("a board is built and its scene rendered; the first time this takes minutes", flush=True)
