@@ -43,7 +43,8 @@ module arty_a7 #(
   inout  wire logic        focus_sda_io
 );
 
-  localparam int unsigned ClockHz = 100_000_000;
+  localparam int unsigned ClockHz  = 100_000_000;
+  localparam int unsigned SensorHz = 80_000_000;  // of sensor_clk_i at most, as in the constraints
 
   if (PixelWidth < 8 || PixelWidth > 12) begin : gen_bad_pixel_width
     $error("arty_a7: PixelWidth must be 8 to 12");
@@ -87,7 +88,9 @@ module arty_a7 #(
   logic                  line_start, line_end, pixel_valid;
   logic [PixelWidth-1:0] pixel;
   logic [          15:0] overflow_count;
-  pixel_fifo #(.PixelWidth(PixelWidth)) u_pixel_fifo (
+  pixel_fifo #(
+    .PixelWidth(PixelWidth), .LineLength(LineLength), .ClockHz(ClockHz), .PixelHz(SensorHz)
+  ) u_pixel_fifo (
     .clk_i           (clk),
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),

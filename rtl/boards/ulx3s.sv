@@ -13,6 +13,7 @@ module ulx3s #(
   parameter int unsigned PixelWidth   = 12,    // 8 to 12
   parameter bit          Polygon      = 1'b0,
   parameter int unsigned ClockHz      = 76_666_667,
+  parameter int unsigned SensorHz     = 80_000_000,  // of sensor_clk_i at most, as in the constraints
   parameter int unsigned PllInput     = 3,     // 25 MHz over this, times
   parameter int unsigned PllFeedback  = 23,    // this, is the output that feeds back; times
   parameter int unsigned PllOscillate = 4,     // this, 400 to 800 MHz; over
@@ -115,7 +116,9 @@ module ulx3s #(
   logic                  line_start, line_end, pixel_valid;
   logic [PixelWidth-1:0] pixel;
   logic [          15:0] overflow_count;
-  pixel_fifo #(.PixelWidth(PixelWidth)) u_pixel_fifo (
+  pixel_fifo #(
+    .PixelWidth(PixelWidth), .LineLength(LineLength), .ClockHz(ClockHz), .PixelHz(SensorHz)
+  ) u_pixel_fifo (
     .clk_i           (clk),
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),

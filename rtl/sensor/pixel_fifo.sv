@@ -1,7 +1,8 @@
 // pixel_fifo: brings a sensor's pixels from its own clock to clk_i.
 //
 // An asynchronous FIFO: pointers cross in Gray code through two flip-flops.  It is read in every
-// clock that finds something in it, as nothing behind it waits.
+// clock that finds something in it, as nothing behind it waits.  Where the sensor's clock is the
+// faster one, what of a line without gaps is not read while it comes has to fit.
 //
 //   line_valid_i   as the sensor gives it: a line is from its rise to its fall
 //   pixel_valid_i  a pixel, while line_valid_i is high; constant 1 for a sensor without it
@@ -24,9 +25,16 @@
 `default_nettype none
 
 module pixel_fifo #(
-  parameter int unsigned PixelWidth = 12,
-  parameter int unsigned Depth      = 64,  // 2**n, at least 8
-  parameter int unsigned CountWidth = 16
+  parameter  int unsigned PixelWidth = 12,
+  parameter  int unsigned LineLength = 2048,
+  parameter  int unsigned ClockHz    = 76_666_667,  // of clk_i, or a little less
+  parameter  int unsigned PixelHz    = 80_000_000,  // of pixel_clk_i at most
+  parameter  int unsigned CountWidth = 16,
+  localparam logic [63:0] FasterHz   = PixelHz > ClockHz ? 64'(PixelHz) - 64'(ClockHz) : 64'd0,
+  localparam int unsigned Backlog    = 32'((64'(LineLength) * FasterHz + 64'(PixelHz) - 64'd1)
+                                           / 64'(PixelHz)),
+  localparam int unsigned Crossing   = 8,  // words while the pointers cross
+  parameter  int unsigned Depth      = 1 << $clog2(Backlog + Crossing)
 ) (
   input  wire logic                        clk_i,
   input  wire logic                        rst_i,
@@ -47,8 +55,8 @@ module pixel_fifo #(
   output      logic [      CountWidth-1:0] overflow_count_o
 );
 
-  if (Depth < 8 || (Depth & (Depth - 1)) != 0) begin : gen_bad_depth
-    $error("pixel_fifo: Depth must be a power of two, at least 8");
+  if (PixelHz < 1 || Depth < Backlog + Crossing || (Depth & (Depth - 1)) != 0) begin : gen_bad_depth
+    $error("pixel_fifo: Depth must be a power of two that holds what of a line waits, and 8 more");
   end
 
   localparam int unsigned IndexWidth = $clog2(Depth);
@@ -141,7 +149,7 @@ module pixel_fifo #(
 
   // ---- this side ----
   logic [    PointerWidth-1:0] read_q, read_next;
-  logic [   OverflowWidth-1:0] overflow_seen_q, overflow_new;
+  logic [   OverflowWidth-1:0] overflow_seen_q, overflow_new, overflow_more;
   logic [CountWidth+OverflowWidth-1:0] overflow_count;
   logic                        pending_q, begins, quiet, read, read_valid_q;
   word_t                       read_word_q;
@@ -150,8 +158,9 @@ module pixel_fifo #(
   assign quiet          = rst_i || pending_q || request_q2 || flush_q || acknowledge_q2;
   assign read           = read_gray_q != write_gray_q2 && !quiet;
   assign read_next      = read_q + PointerWidth'(read);
+  assign overflow_more  = overflow_new - overflow_seen_q;
   assign overflow_count = (CountWidth + OverflowWidth)'(overflow_count_o)
-                          + (CountWidth + OverflowWidth)'(overflow_new - overflow_seen_q);
+                          + (CountWidth + OverflowWidth)'(overflow_more);
   assign overflow_new   = {overflows_q2[3], ^overflows_q2[3:2], ^overflows_q2[3:1], ^overflows_q2};
 
   always_ff @(posedge clk_i) begin

@@ -29,7 +29,9 @@ module pixel_fifo_properties #(
   localparam int unsigned Overflow = 4;
 
   logic line_start, line_end, pixel_valid;
-  pixel_fifo #(.PixelWidth(PixelWidth), .Depth(Depth), .CountWidth(4)) dut (
+  pixel_fifo #(
+    .PixelWidth(PixelWidth), .ClockHz(1), .PixelHz(1), .Depth(Depth), .CountWidth(4)
+  ) dut (
     .clk_i, .rst_i, .pixel_clk_i, .pixel_rst_i, .line_valid_i, .pixel_valid_i, .pixel_i,
     .line_start_o    (line_start),
     .line_end_o      (line_end),

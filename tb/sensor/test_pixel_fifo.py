@@ -1,5 +1,8 @@
 """pixel_fifo: every pixel in its order, at any ratio of the clocks, and what an overflow may do."""
 
+import re
+import subprocess
+
 import cocotb
 import numpy as np
 import pytest
@@ -9,10 +12,18 @@ from cocotb.utils import get_sim_time
 from harness import EACH_VOLUME, FallingEdge, RisingEdge, generator, parameters, rounds, simulate
 
 from vrscan.clocked.pixel_fifo import Word, lost, split, words
+from vrscan.engines.tools import (
+    repository_root,
+    rtl_boards,
+    rtl_modules,
+    verilator_environment,
+    verilator_program,
+)
 
 ELABORATIONS = [
-    {"PixelWidth": 12, "Depth": 64, "CountWidth": 16},
-    {"PixelWidth": 16, "Depth": 8, "CountWidth": 2},
+    # 120 px of a line wait, and 8 more fill the FIFO.
+    {"PixelWidth": 12, "LineLength": 2880, "Depth": 128, "CountWidth": 16},
+    {"PixelWidth": 16, "ClockHz": 1, "PixelHz": 1, "Depth": 8, "CountWidth": 2},
 ]
 # Periods of clk_i and pixel_clk_i in ns, and how much later the second one begins.
 CLOCKS = [
@@ -136,6 +147,24 @@ async def lines_come_whole_at_every_ratio(dut) -> None:
         where = f"periods {clock}, {pixel_clock}, phase {phase}"
         assert bench.got == words(samples), where
         assert bench.overflows() == 0, where
+
+
+@cocotb.test()
+async def a_line_without_gaps_fits(dut) -> None:
+    """At the clocks of the elaboration, whatever their phase, with a pause to read what waits."""
+    draw = generator(8)
+    bench = Bench(dut)
+    clock, pixel_clock = (46, 46) if "PixelHz" in parameters() else (48, 46)
+    for phase in range(0, 46, rounds(11, 3)):
+        await bench.start(clock, pixel_clock, phase)
+        samples: Samples = []
+        for _ in range(2):
+            length = parameters().get("LineLength", 500)
+            samples += line(draw, length, pause=length // 20 + 10)
+        await bench.send(samples)
+        await bench.settle()
+        assert bench.overflows() == 0, f"phase {phase}"
+        assert bench.got == words(samples), f"phase {phase}"
 
 
 @cocotb.test()
@@ -369,6 +398,53 @@ async def a_reset_waits_for_the_sensors_clock(dut) -> None:
 @pytest.mark.parametrize("elaboration", ELABORATIONS, ids=str)
 def test_pixel_fifo_keeps_the_models_order(elaboration: dict[str, int], volume: str) -> None:
     simulate("pixel_fifo", __file__, elaboration, volume=volume)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "holds"),
+    [
+        ({}, True),
+        ({"Depth": 64}, False),  # 86 px of a line wait
+        ({"Depth": 100}, False),
+        ({"LineLength": 2881, "Depth": 128}, False),
+        ({"LineLength": 25500, "PixelHz": 400_000_000, "Depth": 16384}, False),
+        ({"LineLength": 25500, "PixelHz": 400_000_000}, True),
+        ({"PixelHz": 76_666_667, "Depth": 8}, True),
+        ({"ClockHz": 1, "PixelHz": 1, "Depth": 4}, False),
+    ],
+    ids=str,
+)
+def test_too_small_a_depth_is_refused(parameters: dict[str, int], holds: bool) -> None:
+    file = next(file for file in rtl_modules() if file.stem == "pixel_fifo")
+    given = [f"-G{name}={value}" for name, value in parameters.items()]
+    done = subprocess.run(
+        [verilator_program(), "--lint-only", *given, "-y", file.parents[1], file],
+        env=verilator_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode == 0) == holds, done.stderr
+    assert ("pixel_fifo: Depth must be" in done.stderr) != holds
+
+
+@pytest.mark.parametrize(
+    ("board", "constraints", "clock", "hz"),
+    [
+        ("ulx3s", "ulx3s.lpf", r'FREQUENCY PORT "sensor_clk_i" (\S+) MHZ', 1e6),
+        ("arty_a7", "arty_a7.xdc", r"-name sensor -period (\S+)", -1e9),
+    ],
+)
+def test_boards_have_a_fifo_for_the_clock_of_their_constraints(
+    board: str, constraints: str, clock: str, hz: float
+) -> None:
+    """A number of MHz is a frequency, one of ns a period."""
+    found = re.search(clock, (repository_root() / "constraints" / constraints).read_text())
+    assert found
+    sensor_hz = hz * float(found[1]) if hz > 0 else -hz / float(found[1])
+    wrapper = next(file for file in rtl_boards() if file.stem == board).read_text()
+    stated = re.search(r" SensorHz += ([\d_]+)", wrapper)
+    assert stated and int(stated[1]) == sensor_hz
 
 
 # ---- the model alone ----
