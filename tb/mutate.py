@@ -63,7 +63,7 @@ FAULTS = [
     ),
     *faults(
         "rtl/trig/divide.sv",
-        ("rounds down", "SumWidth'(divisor_i >> 1)", "SumWidth'(0)"),
+        ("rounds down", "(SumWidth'(divisor_i) >> 1)", "SumWidth'(0)"),
         ("overflow one late", ">= HighWidth'(divisor_q)", "> HighWidth'(divisor_q)"),
         ("no reset of the steps", "start_q <= 1'b0;\n      steps_q <= '0;", "start_q <= 1'b0;"),
         (
@@ -178,8 +178,8 @@ FAULTS = [
         ),
         (
             "mean and background swapped",
-            "use_row_q ? row_sum_q : local_sum_q",
-            "use_row_q ? local_sum_q : row_sum_q",
+            "(use_row_q ? DividendWidth'(row_sum_q)",
+            "(!use_row_q ? DividendWidth'(row_sum_q)",
         ),
         (
             "no reset of the moments",
@@ -371,7 +371,7 @@ FAULTS = [
             "(pixel_2) > saturation_level_i",
         ),
         ("far is near", "<= {reach_q, 1'b0}", ">= {reach_q, 1'b0}"),
-        ("sigma without neighbours", "35'(total_q) + 35'(speckle_part_q >> 2)", "35'(total_q)"),
+        ("sigma without neighbours", "+ (35'(speckle_part_q) >> 2)", "+ 35'd0"),
         ("no wings", "power_13 == 3'd5 || power_13 == 3'd6", "1'b0"),
         ("no far wings", "{power_13 == 3'd7,", "{1'b0,"),
         ("wings begin late", "power_13 == 3'd5 ||", "1'b0 ||"),
@@ -392,10 +392,10 @@ FAULTS = [
             "eligible_q && !chi_large_q &&",
         ),
         ("more grains", "27'(7 << 8)", "27'(8 << 8)"),
-        ("grains grow less", " + 27'(first_quotient >> 3)", ""),
+        ("grains grow less", " + (27'(first_quotient) >> 3)", ""),
         ("fine grains before the first line", "17'(3 << 8)", "17'(2 << 8)"),
         ("fine grains lean less", "27'sd600", "27'sd599"),
-        ("grains hide nothing", "grains_q >= CoarseGrains ? total_q : speckle", "speckle"),
+        ("grains hide nothing", "grains_q >= CoarseGrains ? FactorWidth'(total_q) :", ""),
         ("mixed at the fit's limit", "{1'b0, mixed_limit_q}", "{1'b0, chi_limit_q}"),
         ("mixed without a spot", "measured_q && mixed_q;", "mixed_q;"),
         ("never a jump", "jump_q ? second_quotient[19:0] : first", "first"),
@@ -603,11 +603,11 @@ FAULTS = [
         ("the rate not rounded", "middling_q >>> by_q3", "middling_q >>> (by_q3 | 2'd1)"),
         (
             "never acquires again",
-            "assign acquire = !tracking_o || beyond_q || anew_q;",
-            "assign acquire = !tracking_o;",
+            "assign acquire = !tracking_q || beyond_q || anew_q;",
+            "assign acquire = !tracking_q;",
         ),
         ("the middle a bit off", "first_q + (distance_q >> 1)", "first_q + (distance_q >> 1) + 1"),
-        ("no reset of the tracking", "      tracking_o  <= 1'b0;\n", ""),
+        ("no reset of the tracking", "      tracking_q  <= 1'b0;\n", ""),
     ),
     *faults(
         "rtl/mirror/mirror_drive.sv",
@@ -668,7 +668,7 @@ FAULTS = [
         "rtl/mirror/mirror_loop.sv",
         (
             "half a clock forgotten",
-            "centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0",
+            "centre_half_o ? vrscan_pkg::TurnWidth'(increment) >> 1 : '0",
             "'0",
         ),
         ("harmonics that change at work", ".busy_i(centre_q || scanning_q)", ".busy_i(1'b0)"),
@@ -751,7 +751,6 @@ FAULTS = [
             "    end else if (!mapped_q) begin",
             "    end else if (1'b0) begin",
         ),
-        ("no reset of the offset", "      offset_o  <= '0;\n", ""),
     ),
     # ---- the chain's wires ----
     *faults(
@@ -1027,6 +1026,7 @@ FAULTS = [
     ),
     *faults(
         "rtl/sensor/pixel_fifo.sv",
+        ("as many words as wait for the sensor", "? 64'(PixelHz) - 64'(ClockHz) :", "? 64'd0 :"),
         ("a flush in a flush", "&& !flush_q && !acknowledge_q2;", "&& !flush_q;"),
         ("what had not been read stays", "      read_valid_q     <= 1'b0;\n", ""),
         ("the rest of a line", "      drop_q <= 1'b1;  // what", "      drop_q <= 1'b0;  // what"),

@@ -6,13 +6,11 @@ from dataclasses import fields
 import cocotb
 import numpy as np
 import pytest
-from axis_bench import received, send_lines, sink_of
-from cocotb.task import bridge, resume
+from axis_bench import BridgedWords, connected, received, send_lines, sink_of
+from cocotb.task import bridge
 from cocotb.triggers import ClockCycles
-from cocotbext.axi import AxiLiteBus, AxiLiteMaster
 from harness import FallingEdge, generator, reset, simulate
 
-from vrscan.clocked.axil_registers import OKAY
 from vrscan.clocked.axis_lines import LineUser
 from vrscan.clocked.axis_points import user_of
 from vrscan.data import link_pkg, pkg
@@ -23,7 +21,7 @@ from vrscan.engines.tools import repository_root
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import lines, step_of_width
 from vrscan.fixed.vrscan_chain import run_fixed
-from vrscan.link.axi import AxiDevice, BusError
+from vrscan.link.axi import AxiDevice
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.register_map import REGISTERS
 from vrscan.registers.settings import TestLineSettings as Settings
@@ -40,34 +38,6 @@ CONFIG = Config(
     geometry=Geometry(centre_px=0.6 * LENGTH, pitch_mm=14.0 / LENGTH),
 )
 PARAMETERS = {"LineLength": LENGTH, "MaxWindow": WINDOW, "PointSlots": 2}
-
-
-class BridgedWords:
-    """The registers as memory for ``AxiDevice``, in whose thread the simulation goes on."""
-
-    def __init__(self, dut) -> None:
-        master = AxiLiteMaster(AxiLiteBus.from_prefix(dut, "s_axil"), dut.clk_i, dut.rst_i)
-
-        async def read(address: int) -> int:
-            answer = await master.read(4 * address, 4)
-            if int(answer.resp) != OKAY:
-                raise BusError
-            return int.from_bytes(answer.data, "little")
-
-        async def write(address: int, word: int) -> None:
-            answer = await master.write(4 * address, word.to_bytes(4, "little"))
-            if int(answer.resp) != OKAY:
-                raise BusError
-
-        self.read, self.write = resume(read), resume(write)
-
-
-def connected(words: BridgedWords) -> AxiDevice:
-    """Return the device, behind the commit that a reset makes."""
-    device = AxiDevice(words)
-    while device.read("commit_waiting"):
-        pass
-    return device
 
 
 def arranged(words: BridgedWords) -> tuple[AxiDevice, Registers, Settings]:

@@ -3,6 +3,9 @@
 // Wiring only.  The registers over AXI4-Lite, the points and the raw lines each as an AXI4-Stream,
 // all in clk_i; docs/axi.md says what is in them.  Laser, mirror and lens do not know who takes points.
 //
+// This module alone is no laser's controller: light and drive go to the pins through laser_guard, which
+// has a clock of its own.  vrscan_guarded.sv is this module with its guard.
+//
 //   s_axil_*         of axil_registers; m_axis_points_* of axis_points, m_axis_lines_* of axis_lines
 //   the other ports  of vrscan
 //   PointSlots, LineSlots  points and lines that are kept while nobody takes them, powers of two
@@ -53,6 +56,7 @@ module vrscan_axi #(
   output      logic                                         startup_pin_o,
   output      logic                                         laser_enable_o,
   output      logic                                         heartbeat_o,
+  // Of laser_guard, and of nothing else: a constant 1 takes the second line of defence away.
   input  wire logic                                         guard_ok_i,
   input  wire logic                                         guard_beat_i,
   input  wire logic [                                  4:0] guard_fault_i,

@@ -285,7 +285,7 @@ module correction_map #(
           default: begin
             sum_q <= SumWidth'(position_q);
             if (enable_i) begin
-              sum_q <= SumWidth'(position_q) + SumWidth'(value >>> Drop)
+              sum_q <= SumWidth'(position_q) + (SumWidth'(value) >>> Drop)
                        + SumWidth'(value[Drop-1]);
             end
             done_q  <= 1'b1;

@@ -11,7 +11,7 @@
 // once in 2**16.  The same goes for a byte that an error has made 0x00.
 //
 //   valid_i     a byte, in any clock; error_i: it had no stop bit
-//   valid_o     a byte of the payload, first_o with the frame's first; at most MaxPayload a frame
+//   valid_o     a byte of the payload; at most MaxPayload a frame
 //   done_o      the frame has ended; status_o is one of frame_pkg's.  Of several faults it names
 //               the one highest here: Framing, Malformed, TooLong, TooShort, Crc.
 //   Latency     2 clocks from the byte that lets one go, and from the 0x00 to done_o
@@ -31,7 +31,6 @@ module frame_decoder #(
 
   output      logic                              valid_o,
   output      logic [                       7:0] data_o,
-  output      logic                              first_o,
 
   output      logic                              done_o,
   output      logic [frame_pkg::StatusWidth-1:0] status_o
@@ -87,7 +86,6 @@ module frame_decoder #(
     valid_o <= 1'b0;
     done_o  <= end_q;
     data_o  <= older_q;
-    first_o <= count_q == CountWidth'(CrcBytes);
     if (byte_valid_q) begin
       valid_o <= count_q >= CountWidth'(CrcBytes) && count_q < CountWidth'(TooMany - 1);
       newer_q <= byte_q;

@@ -10,8 +10,6 @@
 //   ready_o      with ready_i high, low for 1 clock after 254 bytes without a zero and for 2 until
 //                the ring has room again, and for 4 after last_i: two of CRC, the code, the 0x00;
 //                a block that is full by then adds its own.  ready_i low: until there is room.
-//   too_long_o   a byte more than MaxPayload was taken, once a frame.  The frame goes out as it is,
-//                and the other end will refuse it.
 //   data_o       stays while ready_i is low; 0x00 is the end of a frame and nothing else
 //   Latency      5 clocks from last_i taken to valid_o with the code of a block that is not full,
 //                2 from the zero that ends a block; then a byte a clock
@@ -19,9 +17,7 @@
 
 `default_nettype none
 
-module frame_encoder #(
-  parameter int unsigned MaxPayload = 1024  // bytes
-) (
+module frame_encoder (
   input  wire logic       clk_i,
   input  wire logic       rst_i,
 
@@ -32,16 +28,8 @@ module frame_encoder #(
 
   output      logic       valid_o,
   input  wire logic       ready_i,
-  output      logic [7:0] data_o,
-
-  output      logic       too_long_o
+  output      logic [7:0] data_o
 );
-
-  if (MaxPayload < 1 || MaxPayload > 65535) begin : gen_bad_max_payload
-    $error("frame_encoder: MaxPayload must be 1 to 65535");
-  end
-
-  localparam int unsigned CountWidth = $clog2(MaxPayload + 2);
 
   typedef enum logic [2:0] {DATA, CRC_HIGH, CRC_LOW, CODE, DELIMITER} state_e;
 
@@ -53,7 +41,6 @@ module frame_encoder #(
   logic [                    7:0] code_q;  // of the open block as it is, 1 to 255
   logic                           full_q, full, room_q, room;
   logic [frame_pkg::CrcWidth-1:0] crc_q;
-  logic [         CountWidth-1:0] count_q;
 
   // Whether a byte is stored is known without looking at it; whether it is a zero comes last.
   logic [7:0] given;
@@ -119,10 +106,6 @@ module frame_encoder #(
     if (state_q == DELIMITER) crc_q <= frame_pkg::CrcInit;
     else if (accept) crc_q <= frame_pkg::crc_next(crc_q, data_i);
 
-    too_long_o <= accept && count_q == CountWidth'(MaxPayload);
-    if (state_q == DELIMITER) count_q <= '0;
-    else if (accept && count_q != CountWidth'(MaxPayload + 1)) count_q <= count_q + CountWidth'(1);
-
     if (take) begin
       valid_o <= filled;
       if (filled) read_q <= read_q + 8'd1;
@@ -137,8 +120,6 @@ module frame_encoder #(
       fill_q     <= 8'd1;
       code_q     <= 8'd1;
       crc_q      <= frame_pkg::CrcInit;
-      count_q    <= '0;
-      too_long_o <= 1'b0;
       valid_o    <= 1'b0;
     end
   end

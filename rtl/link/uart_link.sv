@@ -116,7 +116,6 @@ module uart_link #(
     .error_i (framing),
     .valid_o (payload_valid),
     .data_o  (payload_data),
-    .first_o (),
     .done_o  (frame_done),
     .status_o(frame_status)
   );
@@ -185,19 +184,16 @@ module uart_link #(
 
   logic       coded_valid, coded_ready;
   logic [7:0] coded_data;
-  frame_encoder #(
-    .MaxPayload(link_pkg::MaxPayload)
-  ) u_frame_encoder (
+  frame_encoder u_frame_encoder (
     .clk_i,
     .rst_i,
-    .valid_i   (merged_valid),
-    .ready_o   (merged_ready),
-    .data_i    (merged_data),
-    .last_i    (merged_last),
-    .valid_o   (coded_valid),
-    .ready_i   (coded_ready),
-    .data_o    (coded_data),
-    .too_long_o()
+    .valid_i(merged_valid),
+    .ready_o(merged_ready),
+    .data_i (merged_data),
+    .last_i (merged_last),
+    .valid_o(coded_valid),
+    .ready_i(coded_ready),
+    .data_o (coded_data)
   );
 
   // A byte waits here, as the encoder's memory is slow.

@@ -24,7 +24,6 @@
 //   index_fault_o  from broken_i until hold_count measurements on end were good (0 is as 1)
 //   confidence_o   255 - |e| confidence_gain / 2**20, to nearest, half down, at least 0; 0 while
 //               unsettled_o or index_fault_o
-//   error_amplitude_o  e of the last measurement
 //
 // In all other states level_o is level_nominal, trim_o 0, settled_o low, unsettled_o high, and
 // valid_i is ignored; index_fault_o stays as it is.
@@ -56,7 +55,6 @@ module amplitude_control (
   output      logic                                             unsettled_o,
   output      logic                                             index_fault_o,
   output      logic        [   vrscan_pkg::ConfidenceWidth-1:0] confidence_o,
-  output      logic signed [      vrscan_pkg::AmplitudeWidth:0] error_amplitude_o,
 
   input  wire register_pkg::mirror_t                            mirror_i,
   input  wire register_pkg::mirror_limits_t                     mirror_limits_i
@@ -264,7 +262,6 @@ module amplitude_control (
       integrator_q      <= integrator_new_q;
       more_q            <= more_new_q;
       less_q            <= less_new_q;
-      error_amplitude_o <= e_q;
       settled_o         <= settled;
       unsettled_o       <= unsettled;
       index_fault_o     <= index_fault;
@@ -298,7 +295,6 @@ module amplitude_control (
       trim_o            <= '0;
       more_q            <= 1'b0;
       less_q            <= 1'b0;
-      error_amplitude_o <= '0;
       settled_o         <= 1'b0;
       unsettled_o       <= 1'b1;
       index_fault_o     <= 1'b0;

@@ -21,8 +21,7 @@
 // Above PeriodCeilingClks, period_max_clks and width_max_clks act as PeriodCeilingClks.
 //
 //   comparator_i, gate_i  bit 0 is the oldest sample of the clock
-//   time_o       clocks, SubWidth fraction bits; InitialTime in the first clock after reset; wraps
-//   age_o        from time_o to the clock of valid_o, SubWidth fraction bits
+//   age_o        clocks from the crossing to the clock of valid_o, SubWidth fraction bits
 //   alive_o      there was a pair, and no deadline has passed since
 //   *_count_o    stop at their largest value, and follow the strobes by a clock
 //   Latency      valid_o is 4 clocks after the last clock that settles the level, and at least
@@ -34,31 +33,29 @@
 module index_capture #(
   parameter int unsigned IndexOversample   = 4,  // samples a clock: 1, 2, 4 or 8
   parameter int unsigned CountWidth        = 16,
-  parameter int unsigned InitialTime       = 0,  // clocks
   parameter int unsigned PeriodCeilingClks = 1_250_000  // 10 ms at 125 MHz
 ) (
-  input  wire logic                                                  clk_i,
-  input  wire logic                                                  rst_i,
+  input  wire logic                                clk_i,
+  input  wire logic                                rst_i,
 
-  input  wire logic [                           IndexOversample-1:0] comparator_i,
-  input  wire logic [                           IndexOversample-1:0] gate_i,
+  input  wire logic [         IndexOversample-1:0] comparator_i,
+  input  wire logic [         IndexOversample-1:0] gate_i,
 
-  output      logic                                                  valid_o,
-  output      logic                                                  outward_o,
-  output      logic [vrscan_pkg::TimeWidth+vrscan_pkg::SubWidth-1:0] time_o,
-  output      logic [                      vrscan_pkg::AgeWidth-1:0] age_o,
+  output      logic                                valid_o,
+  output      logic                                outward_o,
+  output      logic [    vrscan_pkg::AgeWidth-1:0] age_o,
 
-  output      logic                                                  missing_o,
-  output      logic                                                  doubled_o,
-  output      logic                                                  impossible_o,
-  output      logic                                                  alive_o,
+  output      logic                                missing_o,
+  output      logic                                doubled_o,
+  output      logic                                impossible_o,
+  output      logic                                alive_o,
 
-  input  wire register_pkg::mirror_t                                 mirror_i,
+  input  wire register_pkg::mirror_t               mirror_i,
 
-  output      logic [                  vrscan_pkg::CounterWidth-1:0] missing_count_o,
-  output      logic [                  vrscan_pkg::CounterWidth-1:0] doubled_count_o,
-  output      logic [                  vrscan_pkg::CounterWidth-1:0] impossible_count_o,
-  output      logic [                  vrscan_pkg::CounterWidth-1:0] glitch_count_o
+  output      logic [vrscan_pkg::CounterWidth-1:0] missing_count_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] doubled_count_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] impossible_count_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] glitch_count_o
 );
 
   if (IndexOversample == 0 || IndexOversample > 8
@@ -69,7 +66,6 @@ module index_capture #(
   localparam int unsigned TimeWidth = vrscan_pkg::TimeWidth;
   localparam int unsigned SubWidth = vrscan_pkg::SubWidth;
   localparam int unsigned AgeWidth = vrscan_pkg::AgeWidth;
-  localparam int unsigned StampWidth = TimeWidth + SubWidth;
   localparam int unsigned OnesWidth = $clog2(IndexOversample + 1);
   localparam int unsigned SampleShift = SubWidth - $clog2(IndexOversample);
   // What the age is before a sample is counted: the clocks from a burst's end to valid_o, and half
@@ -106,7 +102,6 @@ module index_capture #(
   logic signed [TimeWidth:0] period_left_q, width_left_q, early_left_q;
   logic signed [TimeWidth:0] period_first_q, period_again_q, width_first_q, early_first_q;
   logic [    NearWidth-1:0] near_left_q;
-  logic [    TimeWidth-1:0] next_time_q;  // of the next clock
   logic late, pending, doubled, early, impossible, accept, outward, inward;
   logic [    TimeWidth-1:0] period_max, width_max;
   assign period_max = mirror_i.period_max_clks > PeriodCeilingClks ? PeriodCeilingClks
@@ -179,7 +174,6 @@ module index_capture #(
     before_q  <= crossing_q || (before_q && !late);
     if (crossing_q) before_outward_q <= crossing_outward_q;
 
-    next_time_q  <= next_time_q + TimeWidth'(1);
     valid_o      <= accept;
     missing_o    <= late;
     doubled_o    <= doubled;
@@ -188,7 +182,6 @@ module index_capture #(
     if (accept) begin
       outward_o <= crossing_outward_q;
       age_o     <= crossing_age_q[AgeWidth-1:0];
-      time_o    <= {next_time_q, SubWidth'(0)} - StampWidth'(crossing_age_q[AgeWidth-1:0]);
     end
 
     if (missing_o) missing_count_o <= vrscan_pkg::counted(missing_count_o, CountWidth);
@@ -208,7 +201,6 @@ module index_capture #(
       pending_q          <= 1'b0;
       before_q           <= 1'b0;
       near_left_q        <= '1;
-      next_time_q        <= TimeWidth'(InitialTime) + TimeWidth'(1);
       valid_o            <= 1'b0;
       missing_o          <= 1'b0;
       doubled_o          <= 1'b0;

@@ -8,7 +8,7 @@
 //   comparator_i, gate_i  IndexOversample samples a clock, bit 0 the oldest
 //   drive_o, level_o, level_pin_o  to the mirror: square wave, voltage, and the voltage on a pin
 //   line_start_o, exposure_o, laser_o  to sensor and laser; line_o is the number of that line
-//   angle_valid_o  angle_o, mirror_flags_o, confidence_o, amplitude_o and angle_line_o belong to the
+//   angle_valid_o  angle_o, mirror_flags_o, confidence_o and angle_line_o belong to the
 //                  line whose centre_o was AngleLatency clocks before; the flags are those of now,
 //                  vrscan_pkg::FlagNotRunning and the next two; an angle that saturates is unsettled
 //   scan_begin, scan_span  the part of a turn in which lines are pulsed.  A pulse is whole or absent,
@@ -20,7 +20,6 @@
 //                 phase and amplitude are acquired anew, and lines are UNSETTLED until that has
 //                 settled
 //   renewing_o    from take_i's next clock on, until the harmonics are those of the new configuration
-//   measured_valid_o  with a new mirror_measured and mirror_error
 //   Latency  scan_angle's and 2 more clocks from centre_o to angle_valid_o; the centres of two lines
 //            are to be at least as far apart, or the first one's angle does not come
 //   Model    vrscan.clocked.mirror_loop, bit-exact
@@ -56,7 +55,6 @@ module mirror_loop #(
   output      logic signed [      vrscan_pkg::AngleWidth-1:0] angle_o,
   output      logic        [ vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_o,
   output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] confidence_o,
-  output      logic        [  vrscan_pkg::AmplitudeWidth-1:0] amplitude_o,
 
   // Registers.
   input  wire register_pkg::mirror_t                          mirror_i,
@@ -66,8 +64,7 @@ module mirror_loop #(
   input  wire register_pkg::table_t                           table_i,
   input  wire logic                                           take_i,
   output      logic                                           renewing_o,
-  output      register_pkg::mirror_status_t                   mirror_status_o,
-  output      logic                                           measured_valid_o
+  output      register_pkg::mirror_status_t                   mirror_status_o
 );
 
   register_pkg::mirror_status_t status;
@@ -82,23 +79,23 @@ module mirror_loop #(
     .PeriodCeilingClks(PeriodCeilingClks)
   ) u_index_capture (
     .clk_i, .rst_i, .comparator_i, .gate_i, .mirror_i,
-    .valid_o(crossing), .outward_o(outward), .time_o(), .age_o(age),
+    .valid_o(crossing), .outward_o(outward), .age_o(age),
     .missing_o(missing), .doubled_o(doubled), .impossible_o(impossible),
     .alive_o(status.index_alive), .missing_count_o(status.missing_count),
     .doubled_count_o(status.doubled_count), .impossible_count_o(status.impossible_count),
     .glitch_count_o(status.glitch_count)
   );
 
-  logic                                  acquired;
+  logic                                  measured, acquired;
   logic [     vrscan_pkg::WordWidth-1:0] increment;
   logic [vrscan_pkg::AmplitudeWidth-1:0] average;
   mirror_phase u_mirror_phase (
     .clk_i, .rst_i, .table_i, .renew_i(take_i), .mirror_i,
     .valid_i(crossing), .outward_i(outward), .age_i(age), .broken_i(broken),
     .word_i(status.mirror_word),
-    .phase_o(status.mirror_phase), .increment_o(increment), .valid_o(measured_valid_o),
+    .phase_o(status.mirror_phase), .increment_o(increment), .valid_o(measured),
     .measured_o(status.mirror_measured), .amplitude_o(average), .error_o(status.mirror_error),
-    .half_o(), .out_of_table_o(), .tracking_o(), .acquired_o(acquired)
+    .acquired_o(acquired)
   );
 
   // ---- amplitude to the drive ----
@@ -108,11 +105,11 @@ module mirror_loop #(
   logic        [vrscan_pkg::ConfidenceWidth-1:0] confidence;
   amplitude_control u_amplitude_control (
     .clk_i, .rst_i, .mirror_i, .mirror_limits_i,
-    .state_i(status.mirror_state), .valid_i(measured_valid_o),
+    .state_i(status.mirror_state), .valid_i(measured),
     .measured_i(status.mirror_measured), .error_i(status.mirror_error), .acquired_i(acquired),
     .broken_i(broken),
     .level_o(level), .trim_o(trim), .settled_o(status.mirror_settled), .unsettled_o(unsettled),
-    .index_fault_o(index_fault), .confidence_o(confidence), .error_amplitude_o()
+    .index_fault_o(index_fault), .confidence_o(confidence)
   );
 
   mirror_drive #(
@@ -149,7 +146,7 @@ module mirror_loop #(
   logic signed [vrscan_pkg::AngleWidth-1:0] angle;
   logic [vrscan_pkg::HarmonicCount*vrscan_pkg::MotionWidth-1:0] a;
   logic [vrscan_pkg::HarmonicCount*vrscan_pkg::PhaseWidth-1:0] phi;
-  assign advance = centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0;
+  assign advance = centre_half_o ? vrscan_pkg::TurnWidth'(increment) >> 1 : '0;
   assign centre_phase = status.mirror_phase + advance;
   assign phase = centre_phase_q[PhaseDrop+:vrscan_pkg::PhaseWidth]
                  + vrscan_pkg::PhaseWidth'(centre_phase_q[PhaseDrop-1]);
@@ -162,7 +159,7 @@ module mirror_loop #(
     .clk_i, .rst_i, .motion_i,
     .valid_i(offset_valid_q), .offset_i(offset_q), .busy_i(centre_q || scanning_q),
     .renew_i(take_q[TakeClks-1]), .renewing_o(mapping),
-    .a_o(a), .phi_o(phi), .offset_o()
+    .a_o(a), .phi_o(phi)
   );
 
   scan_angle u_scan_angle (
@@ -179,14 +176,11 @@ module mirror_loop #(
     if (!laser) dark_q <= outside;
     outside_q      <= outside;
     offset_q       <= status.mirror_drive_phase - status.mirror_phase;
-    offset_valid_q <= measured_valid_o;
+    offset_valid_q <= measured;
     scanning_q     <= centre_q || (scanning_q && !scanned);
     angle_valid_o  <= scanned;
     if (centre_o) angle_line_o <= line_o;
-    if (centre_q) begin
-      amplitude_o    <= average;
-      line_outside_q <= outside_q;
-    end
+    if (centre_q) line_outside_q <= outside_q;
     if (scanned) begin
       angle_o        <= angle;
       mirror_flags_o <= {unsettled || overflow || line_outside_q, index_fault, !running};

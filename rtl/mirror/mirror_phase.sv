@@ -17,11 +17,9 @@
 //                valid_o: the pair that is worked on is dropped, the outward before is forgotten,
 //                and the next pair is taken as the first one is
 //   table_i      two banks, of which table_bank is read; entry i is for a half distance of
-//                i / 2**(AmplitudeTableBits + 2) turns; beyond the last one, which is held, and from
-//                a quarter turn on out_of_table_o tells
+//                i / 2**(AmplitudeTableBits + 2) turns; from a quarter turn on the last one holds
 //   phase_o      of the clock, turns; with valid_o the corrected one
-//   half_o       turns, half the distance, 29 fraction bits; saturates
-//   measured_o, error_o, half_o, out_of_table_o, acquired_o  with valid_o; hold but for acquired_o
+//   measured_o, error_o, acquired_o  with valid_o; hold but for acquired_o
 //   amplitude_o  averaged, kept with 15 more bits
 //   Rounding     to nearest, half up
 //   Latency      47 clocks from an inward to valid_o; in the clock before, the phase advances by
@@ -52,9 +50,6 @@ module mirror_phase (
   output      logic        [    vrscan_pkg::AmplitudeWidth-1:0] measured_o,
   output      logic        [    vrscan_pkg::AmplitudeWidth-1:0] amplitude_o,
   output      logic signed [        vrscan_pkg::ErrorWidth-1:0] error_o,
-  output      logic        [        vrscan_pkg::PhaseWidth-1:0] half_o,
-  output      logic                                             out_of_table_o,
-  output      logic                                             tracking_o,
   output      logic                                             acquired_o
 );
 
@@ -127,7 +122,7 @@ module mirror_phase (
   logic        [    TurnWidth-1:0] captured_q, position_q, first_q, distance_q, middle_q;
   logic        [      HalfWidth:0] half;
   logic        [    HalfWidth-1:0] half_q;
-  logic                            out_of_table;
+  logic                            out_of_table, tracking_q;
   logic        [AmplitudeWidth-1:0] base_q, measured_q;
   logic        [ MidpointWidth-1:0] base_midpoint_q, difference_q, midpoint_q;
   assign half         = (HalfWidth + 1)'(distance_q >> HalfDrop)
@@ -142,7 +137,7 @@ module mirror_phase (
   logic                           beyond_q, anew_q, acquire;
   assign error   = (ErrorWidth + 1)'(error_q >>> (TurnWidth - ErrorWidth))
                    + signed'((ErrorWidth + 1)'(error_q[TurnWidth-ErrorWidth-1]));
-  assign acquire = !tracking_o || beyond_q || anew_q;
+  assign acquire = !tracking_q || beyond_q || anew_q;
 
   // Shifts by up to 63 in three stages and one that rounds: phase, rate and amplitude in a row.
   logic signed [ShiftedWidth-1:0] shift_q, coarse_q, middling_q, fine_q;
@@ -174,7 +169,7 @@ module mirror_phase (
     acquired_o <= 1'b0;
     phase_o     <= phase_o + TurnWidth'(increment_o) - taken_off_q;
     taken_off_q <= '0;
-    if (!tracking_o) increment_o <= word_i;
+    if (!tracking_q) increment_o <= word_i;
 
     if (broken_i) pending_q <= 1'b0;
     if (take) begin
@@ -297,9 +292,7 @@ module mirror_phase (
         amplitude_o    <= next_average_q[FineWidth+:AmplitudeWidth]
                           + AmplitudeWidth'(next_average_q[FineWidth-1]);
         error_o        <= error_rounded_q;
-        half_o         <= half_q;
-        out_of_table_o <= out_of_table;
-        tracking_o     <= 1'b1;
+        tracking_q     <= 1'b1;
         anew_q         <= 1'b0;
         acquired_o     <= acquire;
         step_q         <= IDLE;
@@ -335,7 +328,7 @@ module mirror_phase (
       measured_o  <= '0;
       error_o     <= '0;
       valid_o     <= 1'b0;
-      tracking_o  <= 1'b0;
+      tracking_q  <= 1'b0;
       acquired_o  <= 1'b0;
     end
   end

@@ -16,7 +16,6 @@
 //   renewing_o     until that is done, in spite of busy_i; at once where none has come
 //   a_o, phi_o     as scan_angle takes them.  From the second clock of a reset to the first results
 //                  they are motion_a and motion_phi, a clock later, whatever busy_i is
-//   offset_o       d of these results, turns, signed, PhaseWidth bits of fraction; 0 before
 //   drive_phase    offset_i at which motion_a and motion_phi hold, turns
 //   motion_da      change of a_k a turn, MotionSlopeFraction bits
 //   motion_dphi    of phi_k, turns a turn, PhiSlopeFraction bits; all k = 1 in the lowest bits
@@ -44,7 +43,6 @@ module motion_map #(
 
   output      logic        [            MotionBits-1:0] a_o,
   output      logic        [            PhasesBits-1:0] phi_o,
-  output      logic signed [vrscan_pkg::PhaseWidth-1:0] offset_o,
 
   input  wire register_pkg::motion_t                    motion_i
 );
@@ -152,7 +150,6 @@ module motion_map #(
       mapped_q  <= 1'b1;
       a_o       <= a_q;
       phi_o     <= phi_q;
-      offset_o  <= PhaseWidth'(d_q);
     end else if (!mapped_q) begin
       a_o   <= motion_i.motion_a;
       phi_o <= motion_i.motion_phi;
@@ -176,7 +173,6 @@ module motion_map #(
       waiting_q <= 1'b0;
       mapped_q  <= 1'b0;
       known_q   <= 1'b0;
-      offset_o  <= '0;
       renewing_o <= 1'b0;
     end
   end

@@ -285,7 +285,7 @@ module peak_fit #(
                       ? b1_middle[SlopeWidth-1:0]
                       : signed'({b1_middle[28], {(SlopeWidth - 1){!b1_middle[28]}}});
     // 5/2 of the mean lean, of which the quotient is four times.
-    more_q         <= signed'(27'(first_quotient >> 1) + 27'(first_quotient >> 3)) - FineLean;
+    more_q         <= signed'((27'(first_quotient) >> 1) + (27'(first_quotient) >> 3)) - FineLean;
     grains_q       <= more_q[QuotientWidth] ? '0
                       : more_q > MostGrains ? 11'(MostGrains) : unsigned'(more_q[10:0]);
     grown_q        <= 39'(correlated_q) + 39'(product[47:10]);
@@ -301,7 +301,7 @@ module peak_fit #(
     all_variance_q     <= line_noise_q + 40'(speckle_part_q);
     total_q            <= |all_variance_q[39:34] ? '1
                           : all_variance_q == '0 ? 34'd1 : all_variance_q[33:0];
-    with_correlation_q <= 35'(total_q) + 35'(speckle_part_q >> 2);
+    with_correlation_q <= 35'(total_q) + (35'(speckle_part_q) >> 2);
     correlated_q       <= with_correlation_q[34] ? '1 : with_correlation_q[33:0];
     // What neither noise has is the speckle's share.
     no_dark_q          <= 18'(1 << ShareFraction) - alpha_q;
@@ -545,7 +545,7 @@ module peak_fit #(
         state_q      <= measured_i ? LEVEL : HISTORY;
       end
       LEVEL: begin
-        first_q  <= FirstWidth'(left_q) + FirstWidth'(width_q >> 1) - FirstWidth'(Span / 2);
+        first_q  <= FirstWidth'(left_q) + FirstWidth'(width_q[7:1]) - FirstWidth'(Span / 2);
         normal_q <= full_q - background_q;
         if (noise_q < NoiseFloor) noise_q <= NoiseFloor;
         gain_q   <= 30'(kappa_i);
@@ -676,7 +676,7 @@ module peak_fit #(
         state_q    <= MADE_IN;
       end
       MADE_IN: if (product_valid) begin
-        lifted_excess_q <= 57'(rough_excess >>> 14);
+        lifted_excess_q <= 57'(rough_excess) >>> 14;
         uneven_q        <= rough_q > 42'(product >>> 24);
         state_q         <= LIGHT_IN;
       end
@@ -867,7 +867,7 @@ module peak_fit #(
         second_divisor_q  <= DivisorWidth'(scale_q);
         if (product_valid) begin
           divide_start_q[1] <= 1'b1;
-          numerator_q       <= 36'(29'(b0_q) - 29'(product >>> HeightFraction));
+          numerator_q       <= 36'(b0_q) - 36'(29'(product >>> HeightFraction));
           state_q           <= REST;
         end
       end
@@ -933,7 +933,7 @@ module peak_fit #(
       PUSH: state_q <= MEAN;
       MEAN: begin
         first_dividend_q  <= DividendWidth'({leans_q + PriorLean, 2'd0});
-        first_divisor_q   <= DivisorWidth'(fits_q + 6'd2);
+        first_divisor_q   <= DivisorWidth'(fits_q) + DivisorWidth'(2);
         divide_start_q[0] <= 1'b1;
         state_q           <= GRAINS;
       end
@@ -942,7 +942,7 @@ module peak_fit #(
       // It counts 5/4 times: neighbours share it.  Coarse grains hide from differences.
       ADDED: begin
         issue_q    <= 1'b1;
-        operand_q  <= FactorWidth'(grains_q >= CoarseGrains ? total_q : speckle_part_q);
+        operand_q  <= grains_q >= CoarseGrains ? FactorWidth'(total_q) : FactorWidth'(speckle_part_q);
         lifted_q   <= (22'(grains_q) << 2) + 22'(grains_q);
         a_select_q <= A_OPERAND;
         b_select_q <= B_LIFTED;
@@ -951,7 +951,7 @@ module peak_fit #(
       ADDED_IN: if (product_valid) state_q <= MIXED;
       MIXED: begin
         issue_q    <= 1'b1;
-        operand_q  <= FactorWidth'(|grown_q[38:34] ? 34'h3_FFFF_FFFF : grown_q[33:0]);
+        operand_q  <= |grown_q[38:34] ? FactorWidth'(34'h3_FFFF_FFFF) : FactorWidth'(grown_q[33:0]);
         b_select_q <= B_FACTOR;
         state_q    <= ROOT;
       end
@@ -1023,7 +1023,7 @@ module peak_fit #(
     if (state_q == IDLE && valid_i) begin
       loading_q    <= measured_i;
       load_q       <= '0;
-      read_index_o <= vrscan_pkg::RingWidth'(left_i) + vrscan_pkg::RingWidth'(width_i >> 1)
+      read_index_o <= vrscan_pkg::RingWidth'(left_i) + vrscan_pkg::RingWidth'(width_i[7:1])
                       - vrscan_pkg::RingWidth'(Span / 2);
     end else if (loading_q) begin
       load_q       <= load_q + IndexBits'(1);
@@ -1187,7 +1187,7 @@ module peak_fit #(
     h_11        <= h_10;
     power_11    <= power_10;
 
-    excess_12 <= quotient_11 - 24'(amplitude_q >> 3);
+    excess_12 <= quotient_11 - 24'(amplitude_q[19:3]);
     low_12    <= 36'(linear_11[16:0]) * 36'(h_11);
     high_12   <= 36'(linear_11[26:17]) * 36'(h_11);
     power_12  <= power_11;

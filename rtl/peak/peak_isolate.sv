@@ -145,8 +145,8 @@ module peak_isolate #(
   assign unused_product = ^product[CountWidth+17:TermWidth];
 
   logic [TermWidth-1:0] half_height, core_height, height_limit;
-  assign half_height  = TermWidth'(height_q >> HalfShift);
-  assign core_height  = TermWidth'(height_q >> CoreShift);
+  assign half_height  = TermWidth'(height_q) >> HalfShift;
+  assign core_height  = TermWidth'(height_q) >> CoreShift;
   assign height_limit = TermWidth'(height_q) << vrscan_pkg::SnrFraction;
 
   // What is compared stands since the product before.
@@ -191,8 +191,8 @@ module peak_isolate #(
         state_q       <= NOISE_TERM;
       end
       NOISE_TERM: if (product_valid) begin
-        threshold_q  <= (TermWidth + 1)'(spread_larger_q ? spread_term_q
-                                                         : TermWidth'(height_term_q));
+        threshold_q  <= spread_larger_q ? (TermWidth + 1)'(spread_term_q)
+                                        : (TermWidth + 1)'(height_term_q);
         noise_term_q <= noise_term;
         factor_q     <= signed'({1'b0, peak_i.snr_min});
         count_q      <= signed'({1'b0, noise_q});
@@ -200,7 +200,7 @@ module peak_isolate #(
         state_q      <= SNR_TERM;
       end
       SNR_TERM: if (product_valid) begin
-        core_q    <= (TermWidth + 1)'(noise_larger_q ? noise_term_q : core_height);
+        core_q    <= {1'b0, noise_larger_q ? noise_term_q : core_height};
         low_snr_q <= height_q == '0 || height_limit < product[TermWidth-1:0];
         count_q   <= signed'({1'b0, spread_q});
         start_q   <= 1'b1;

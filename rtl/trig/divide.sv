@@ -58,7 +58,7 @@ module divide #(
   always_ff @(posedge clk_i) begin
     start_q <= valid_i;
     if (valid_i) begin
-      sum_q     <= SumWidth'(dividend_i) + SumWidth'(divisor_i >> 1);
+      sum_q     <= SumWidth'(dividend_i) + (SumWidth'(divisor_i) >> 1);
       divisor_q <= divisor_i;
     end
     if (start_q) begin

@@ -15,7 +15,6 @@ module frame_decoder_contract #(
   input wire logic                              error_i,
   input wire logic                              valid_o,
   input wire logic [                       7:0] data_o,
-  input wire logic                              first_o,
   input wire logic                              done_o,
   input wire logic [frame_pkg::StatusWidth-1:0] status_o,
   input wire logic                              open_q,
@@ -61,7 +60,6 @@ module frame_decoder_contract #(
   // ---- what is due ----
   logic                              byte_due_q, byte_due_q2, done_due_q, done_due_q2;
   logic [                       7:0] out_q, out_q2;
-  logic                              first_q, first_q2;
   logic [frame_pkg::StatusWidth-1:0] status_q, status_q2;
 
   always_ff @(posedge clk_i) begin
@@ -85,14 +83,13 @@ module frame_decoder_contract #(
 
     byte_due_q <= comes && number_q >= 17'd2 && number_q < 17'(MaxPayload) + 17'd2;
     out_q      <= before_q;
-    first_q    <= number_q == 17'd2;
     done_due_q <= ends && begun_q;
     status_q   <= framing ? frame_pkg::StatusFraming
                   : rest_q != 8'd0 ? frame_pkg::StatusMalformed
                   : number_q == Most ? frame_pkg::StatusTooLong
                   : number_q <= 17'd2 ? frame_pkg::StatusTooShort
                   : crc_own_q != '0 ? frame_pkg::StatusCrc : frame_pkg::StatusOk;
-    {byte_due_q2, out_q2, first_q2} <= {byte_due_q, out_q, first_q};
+    {byte_due_q2, out_q2}    <= {byte_due_q, out_q};
     {done_due_q2, status_q2}        <= {done_due_q, status_q};
     if (rst_i) begin
       {begun_q, zero_q, broken_q, byte_due_q, byte_due_q2, done_due_q, done_due_q2} <= '0;
@@ -103,7 +100,7 @@ module frame_decoder_contract #(
 
     if (started_q) begin
       bytes_come_once_and_in_order:
-      assert (valid_o == byte_due_q2 && (!valid_o || (data_o == out_q2 && first_o == first_q2)));
+      assert (valid_o == byte_due_q2 && (!valid_o || data_o == out_q2));
       every_frame_ends_once: assert (done_o == done_due_q2 && (!done_o || status_o == status_q2));
       no_byte_with_the_end: assert (!(valid_o && done_o));
 

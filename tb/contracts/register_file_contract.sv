@@ -21,10 +21,10 @@ module register_file_contract (
   localparam logic [link_pkg::AccessWidth-1:0] Write =
       link_pkg::AccessWidth'(link_pkg::AccessWrite);
 
-  logic started_q;
-  initial started_q = 1'b0;
+  logic started_q, reset_q;
+  initial {started_q, reset_q} = 2'b00;
 
-  logic                             reset_q, reset_q2, done_q, starts, written_q;
+  logic                             reset_q2, done_q, starts, written_q;
   logic [                     13:1] age_q;  // of the access under way
   logic [link_pkg::AccessWidth-1:0] kind_q;
   register_pkg::mirror_limits_t     mirror_limits_q;

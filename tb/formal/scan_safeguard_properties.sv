@@ -54,7 +54,6 @@ module scan_safeguard_properties #(
     .clk_i, .rst_i, .comparator_i, .gate_i, .mirror_i,
     .valid_o           (),
     .outward_o         (),
-    .time_o            (),
     .age_o             (),
     .missing_o         (),
     .doubled_o         (),

@@ -27,7 +27,7 @@ PAYLOADS = st.one_of(
 
 def encoded(payload: bytes) -> bytes:
     """Return what the board's encoder makes of a payload."""
-    twin = FrameEncoder(MOST)
+    twin = FrameEncoder()
     out = bytearray()
     left = list(payload)
     while not out or out[-1] != 0:
@@ -46,7 +46,7 @@ def verdicts(stream: bytes) -> list[tuple[FrameStatus, bytes]]:
     twin = FrameDecoder(MOST)
     out, found = bytearray(), []
     for byte in stream:
-        data, _, status = twin.take(byte)
+        data, status = twin.take(byte)
         if data is not None:
             out.append(data)
         if status is not None:

@@ -32,7 +32,6 @@ OUTPUTS = {
     "unsettled": False,
     "index_fault": False,
     "confidence": False,
-    "error_amplitude": True,
 }
 OFF, SWEEP, SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
 RUN, FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT
@@ -223,13 +222,13 @@ async def another_table_drops_the_measurement_at_work(dut) -> None:
         await bench.start(dataclasses.replace(CALM, settle_count=1), state=RUN)
         await bench.measure(0)
         assert bench.twin.settled
-        before = bench.twin.error_amplitude
-        await bench.measure(1, clocks=at)
+        before = bench.twin.level
+        await bench.measure(16, clocks=at)
         await bench.clocks(1, acquired=True)
         await bench.clocks(LATENCY + 2)
         assert bench.twin.unsettled and not bench.twin.settled
-        # What ends in the clock of `acquired` itself still reports its error.
-        assert (bench.twin.error_amplitude == before) == (at < LATENCY - 1)
+        # What ends in the clock of `acquired` itself still moves the level.
+        assert (bench.twin.level == before) == (at < LATENCY - 1)
         await bench.measure(2)
         assert bench.twin.settled and not bench.twin.unsettled
 
@@ -312,9 +311,10 @@ async def the_latency_is_fixed(dut) -> None:
         await bench.measure(5 if gap % 2 else -5, clocks=LATENCY - 1)
         assert shown(bench.twin)[:6] == before[:6]
         await bench.clocks()
-        assert bench.twin.error_amplitude == (5 if gap % 2 else -5)
+        assert bench.twin.confidence == (252 if bench.twin.settled else 0)  # 255 - 5 / 2
+    assert bench.twin.settled
     await bench.measure(9, clocks=2 * LATENCY + 5)
-    assert bench.twin.error_amplitude == 9
+    assert bench.twin.confidence == 250
 
 
 @cocotb.test()
@@ -337,7 +337,7 @@ async def leaving_the_loop_drops_a_measurement(dut) -> None:
         await bench.measure(3, clocks=age)
         await bench.start(state=RUN)
         await bench.clocks(LATENCY + 1)
-        assert shown(bench.twin) == (0, 0, 0, 1, 0, 0, 0)
+        assert shown(bench.twin) == (0, 0, 0, 1, 0, 0)
 
 
 @cocotb.test()

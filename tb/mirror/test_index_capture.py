@@ -23,18 +23,17 @@ from vrscan.clocked.index_capture import LATENCY, PERIOD_CEILING, IndexCapture
 from vrscan.data import pkg
 from vrscan.registers.settings import IndexSettings as Settings
 
-NEAR_WRAP = (1 << pkg.TIME_WIDTH) - 700
 ELABORATIONS = [
-    {"IndexOversample": 4, "CountWidth": 16, "InitialTime": 0, "PeriodCeilingClks": 20_000},
-    {"IndexOversample": 1, "CountWidth": 3, "InitialTime": NEAR_WRAP},
-    {"IndexOversample": 8, "CountWidth": 3, "InitialTime": NEAR_WRAP},
-    {"IndexOversample": 2, "CountWidth": 3, "InitialTime": 0},
+    {"IndexOversample": 4, "CountWidth": 16, "PeriodCeilingClks": 20_000},
+    {"IndexOversample": 1, "CountWidth": 3},
+    {"IndexOversample": 8, "CountWidth": 3},
+    {"IndexOversample": 2, "CountWidth": 3},
 ]
 STEP = 1 << pkg.SUB_WIDTH
 MOST = (1 << pkg.TIME_WIDTH) - 1
 STROBES = ("missing", "valid", "doubled", "impossible")
 STATUS = ("alive", "missing_count", "doubled_count", "impossible_count", "glitch_count")
-WITH_VALID = ("outward", "time", "age")
+WITH_VALID = ("outward", "age")
 OUTPUTS_OF = attrgetter(*STROBES, *STATUS)
 WITH_VALID_OF = attrgetter(*WITH_VALID)
 CALM = Settings(glitch_clks=3, width_min_clks=80, width_max_clks=300, period_max_clks=700)
@@ -44,7 +43,7 @@ def twin_of(settings: Settings) -> IndexCapture:
     """Return the twin of the running elaboration."""
     given = parameters()
     ceiling = given.get("PeriodCeilingClks", PERIOD_CEILING)
-    names = ("IndexOversample", "CountWidth", "InitialTime")
+    names = ("IndexOversample", "CountWidth")
     return IndexCapture(settings, *(given[name] for name in names), ceiling)
 
 
@@ -105,7 +104,8 @@ class Bench(UnitBench):
             self.events += [(self.clock, name) for name in STROBES if getattr(twin, name)]
             if twin.valid:
                 values = {name: int(getattr(twin, name)) for name in WITH_VALID}
-                self.crossings.append(values | {"clock": self.clock})
+                time = self.clock * STEP - twin.age
+                self.crossings.append(values | {"clock": self.clock, "time": time})
 
     async def samples(self, comparator: np.ndarray, gate: np.ndarray | None = None) -> None:
         """Drive samples [n], n a multiple of the oversampling; the gate is open if None."""
@@ -192,16 +192,11 @@ async def good_pairs_are_reported_and_nothing_else(dut) -> None:
     outward = bench.crossings[::2]
     inward = bench.crossings[1::2]
     assert all(c["outward"] for c in outward) and not any(c["outward"] for c in inward)
-    first = parameters()["InitialTime"]
     for k, (out, back) in enumerate(zip(outward, inward, strict=True)):
         # Half a sample before the first sample of the new level.
-        want = (400 * k + 200 + first) * STEP + k * STEP // o - STEP // o // 2
-        assert out["time"] == want % (1 << 36)
-        assert (back["time"] - out["time"]) % (1 << 36) == 100 * STEP
-        for crossing in (out, back):
-            assert (crossing["time"] + crossing["age"] - (crossing["clock"] + first) * STEP) % (
-                1 << 36
-            ) == 0
+        want = (400 * k + 200) * STEP + k * STEP // o - STEP // o // 2
+        assert out["time"] == want
+        assert back["time"] - out["time"] == 100 * STEP
     # The level settles in glitch_clks whole clocks.
     assert outward[0]["clock"] == 200 + CALM.glitch_clks - 1 + LATENCY
     assert outward[1]["clock"] == 400 + 200 + (o > 1) + CALM.glitch_clks - 1 + LATENCY + (o == 1)
@@ -216,24 +211,10 @@ async def pulses_one_step_apart(dut) -> None:
     for extra in range(-o, o + 1):
         await bench.samples(pulse(150, 120, 130, o, extra=extra))
     widths = [
-        (b["time"] - a["time"]) % (1 << 36)
+        b["time"] - a["time"]
         for a, b in zip(bench.crossings[::2], bench.crossings[1::2], strict=True)
     ]
     assert widths == [120 * STEP + extra * STEP // o for extra in range(-o, o + 1)]
-
-
-@cocotb.test()
-async def a_pulse_spans_the_wrap_of_the_time(dut) -> None:
-    """The outward before and the inward after 2**32 clocks: the difference is the width."""
-    bench = await Bench.started(dut)
-    to_wrap = ((1 << pkg.TIME_WIDTH) - parameters()["InitialTime"]) & MOST
-    if not to_wrap:
-        pytest.skip("to count that far takes 2**32 clocks")
-    await bench.samples(pulse(to_wrap - 60, 120, 100, bench.oversample))
-    out, back = bench.crossings
-    assert out["time"] > back["time"]
-    assert (back["time"] - out["time"]) % (1 << 36) == 120 * STEP
-    assert back["time"] == 60 * STEP - STEP // bench.oversample // 2
 
 
 @cocotb.test()
@@ -488,9 +469,9 @@ async def glitches_and_chatter(dut) -> None:
         await bench.hold(level, 200)
         assert len(bench.crossings) == seen + 1
         count = int(np.sum(chatter == level))
-        want = (begun + 12 + parameters()["InitialTime"]) * STEP - count * STEP // o
+        want = (begun + 12) * STEP - count * STEP // o
         got = bench.crossings[-1]["time"]
-        assert (got - want + STEP // o // 2) % (1 << 36) == 0
+        assert got == want - STEP // o // 2
 
 
 @cocotb.test()
@@ -691,8 +672,8 @@ def errors_of(
     offset = spacing // 2
     gate = [(1 << oversample) - 1] * len(comparator)
     for clock, found in run_skipping(twin, comparator, gate):
-        assert found.time + found.age == clock * STEP
-        errors.append((found.time / STEP + offset - edges[len(errors)]) * oversample)
+        time = clock - found.age / STEP
+        errors.append((time + offset - edges[len(errors)]) * oversample)
     assert len(errors) == 2 * pairs, "a crossing is lost, or one too many"
     assert twin.alive and not (twin.missing_count or twin.doubled_count or twin.impossible_count)
     return np.array(errors)

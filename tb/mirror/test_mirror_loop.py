@@ -45,8 +45,7 @@ NOT_RUNNING, INDEX_FAULT, UNSETTLED = (
     for bit in (pkg.FLAG_NOT_RUNNING, pkg.FLAG_INDEX_FAULT, pkg.FLAG_UNSETTLED)
 )
 SIGNED = {"angle", "error"}
-WITH_ANGLE = ("angle_line", "angle", "mirror_flags", "confidence", "amplitude")
-WITH_MEASUREMENT = ("measured", "error")
+WITH_ANGLE = ("angle_line", "angle", "mirror_flags", "confidence")
 CONTROL = {  # inputs of a clock, and their ports
     "comparator": "comparator_i",
     "gate": "gate_i",
@@ -302,10 +301,9 @@ class Bench(UnitBench):
             want["mirror_flags"] = as_integer(self.outputs["mirror_flags"], signed=False)
         want["mirror_level"] = want["level"]
         assert want.keys() == self.outputs.keys()
-        for valid, names in (("angle_valid", WITH_ANGLE), ("measured_valid", WITH_MEASUREMENT)):
-            if not want[valid]:
-                for name in names:
-                    del want[name]
+        if not want["angle_valid"]:
+            for name in WITH_ANGLE:
+                del want[name]
         for name, value in want.items():
             got = as_integer(self.outputs[name], signed=name in SIGNED)
             assert got == value, (
@@ -314,7 +312,7 @@ class Bench(UnitBench):
         self.seen.add(("fault", want["fault"]))
         self.seen |= {(name, want[name] > 0) for name in want if name.endswith("_count")}
         self.seen.add(("half", bool(want["centre"] and want["centre_half"])))
-        self.measurements += want["measured_valid"]
+        self.measurements += self.twin.phase.valid
         if want["angle_valid"]:
             self.angles += 1
             self.seen.add(("sure", want["confidence"] > 0))

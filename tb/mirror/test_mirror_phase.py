@@ -25,8 +25,8 @@ TURN = 1 << pkg.TURN_WIDTH
 WORD_MAX = (1 << pkg.WORD_WIDTH) - 1
 ERROR_MAX = (1 << (pkg.ERROR_WIDTH - 1)) - 1
 AMPLITUDE_MAX = (1 << pkg.AMPLITUDE_WIDTH) - 1
-STATUS = ("phase", "increment", "valid", "amplitude", "tracking", "acquired")
-WITH_VALID = ("measured", "error", "half", "out_of_table")
+STATUS = ("phase", "increment", "valid", "amplitude", "acquired")
+WITH_VALID = ("measured", "error")
 SIGNED = {"error"}
 STROBES = ("valid", "broken", "table_write", "renew")
 BANKS = ("table_changed", "table_bank", "table_write_bank")
@@ -161,7 +161,7 @@ async def random_crossings(dut) -> None:
     """Any word, age, table and configuration, strobes without order, tables written meanwhile."""
     draw = generator(1)
     bench = await begin(dut, table=random_table(draw))
-    seen = {"acquired": 0, "followed": 0, "out_of_table": 0}
+    seen = {"acquired": 0, "followed": 0}
     for _ in range(80):
         await bench.start(settings_of(draw))
         top = int(draw.choice([1 << 36, 1 << 38, 1 << 40, 1 << 20]))
@@ -186,7 +186,6 @@ async def random_crossings(dut) -> None:
                 )
         for found in bench.measured:
             seen["acquired" if found["acquired"] else "followed"] += 1
-            seen["out_of_table"] += found["out_of_table"]
     assert min(seen.values()) > 20, seen
 
 
@@ -263,7 +262,9 @@ async def broken_forgets_the_outward(dut) -> None:
     await bench.steps(69)
     await bench.step(valid=1, outward=0, age=0)
     await bench.steps(LATENCY - 1)
-    assert bench.measured[-1]["half"] == (70 * word + (1 << 19)) >> 20
+    half = (70 * word + (1 << 19)) >> 20
+    want = interpolated(np.array([half]), *(np.array(column) for column in cosine_table()))
+    assert bench.measured[-1]["measured"] == int(want.amplitude[0])
     assert len(bench.measured) == before + 1
 
 
@@ -282,17 +283,14 @@ async def the_table_at_its_ends(dut) -> None:
         await bench.start(word=(half << (pkg.TURN_WIDTH - HALF_WIDTH)) // width)
         await bench.steps(3)
         await bench.pair(width)
-        found = bench.measured[-1]
-        want = interpolated(np.array([found["half"]]), np.array(table[0]), np.array(table[1]))
-        assert found["half"] == half
-        assert found["measured"] == int(want.amplitude[0])
-        assert found["out_of_table"] == bool(want.out_of_table[0]) == (found["half"] >= 1 << 27)
+        want = interpolated(np.array([half]), np.array(table[0]), np.array(table[1]))
+        assert bench.measured[-1]["measured"] == int(want.amplitude[0])
+        assert half < 1 << 27 or want.amplitude[0] == table[0][-1]
     # Nearly a whole turn: the half distance saturates, and does not wrap to nothing.
     await bench.start(word=TURN // 256 - 1)
     await bench.steps(3)
     await bench.pair(width)
-    found = bench.measured[-1]
-    assert found["half"] == (1 << HALF_WIDTH) - 1 and found["out_of_table"]
+    assert bench.measured[-1]["measured"] == table[0][-1]
 
 
 @cocotb.test()
@@ -317,7 +315,7 @@ async def error_limit_and_saturation(dut) -> None:
             await bench.pair(64)
             found = bench.measured[-1]
             assert found["error"] == sign * (limit + beyond)
-            assert found["acquired"] == (beyond > 0) and found["tracking"]
+            assert found["acquired"] == (beyond > 0) and bench.twin.tracking
             for index in (0, 1):
                 await bench.step(table_write=1, table_index=index, table_midpoint=0)
     # Half a turn and half a step less: rounds to what does not fit.
@@ -663,7 +661,7 @@ def test_mirror_phase_model_interpolates_the_table() -> None:
     ratio = float(np.max(np.abs(error) / exact)), float(np.max(bound / exact))
     print(f"amplitude, of itself: measured {ratio[0]:.3g} / predicted {ratio[1]:.3g}")
     assert np.all(np.abs(error) <= bound)
-    assert not result.midpoint.any() and not result.out_of_table.any()
+    assert not result.midpoint.any()
 
 
 def test_mirror_phase_model_locks_onto_a_mirror() -> None:

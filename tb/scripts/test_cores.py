@@ -1,9 +1,12 @@
 """The lists of files: FuseSoC builds with them, Bender's are there, a prefixed copy compiles."""
 
 import importlib
+import os
 import re
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,44 +23,92 @@ from vrscan.engines.tools import (
 ROOT = repository_root()
 sys.path.insert(0, str(ROOT / "scripts"))
 cores = importlib.import_module("cores")
-PARTS = ("trig", "chain", "top")
+PARTS = ("trig", "chain", "guard", "top")
 
 
-@pytest.mark.parametrize("part", PARTS)
-def test_fusesoc_lints_each_part(part: str, tmp_path: Path) -> None:
-    """FuseSoC finds the parts below by itself; its Verilator takes no files but the core's."""
+def debian(folder: Path) -> dict[str, str]:
+    """Return the environment of Debian 12's Verilator, the oldest that lints the cores."""
+    command = ["sh", "-c", "apt-get download verilator && dpkg -x verilator_5.006*.deb ."]
+    if subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode:
+        pytest.skip("Debian's verilator 5.006 cannot be had here")
+    shutil.copytree(folder / "usr/bin", folder / "root/bin")
+    (folder / "root/include").symlink_to(folder / "usr/share/verilator/include")
+    bin_ = f"{folder}/root/bin:{Path(sys.executable).parent}:{os.environ['PATH']}"
+    return os.environ | {"VERILATOR_ROOT": f"{folder}/root", "PATH": bin_}
+
+
+def shipped(folder: Path) -> dict[str, str]:
+    """Return the environment of our own Verilator, which FuseSoC calls by its name."""
     environment = verilator_environment()
-    (tmp_path / "bin").mkdir()
-    program = tmp_path / "bin" / "verilator"  # FuseSoC calls it by this name
+    program = folder / "verilator"
     program.write_text(f'#!/bin/sh\nexec {verilator_program()} "$@"\n')
     program.chmod(0o755)
-    environment["PATH"] = f"{program.parent}:{environment['PATH']}"
-    environment["HOME"] = environment["XDG_CONFIG_HOME"] = str(tmp_path)
+    environment["PATH"] = f"{folder}:{environment['PATH']}"
+    return environment
+
+
+VERILATORS = pytest.mark.parametrize("verilator", [shipped, debian])
+
+
+def linted(
+    name: str, folder: Path, verilator: Callable[[Path], dict[str, str]]
+) -> subprocess.CompletedProcess[str]:
+    """Let FuseSoC lint a core of ours or of a folder."""
+    (folder / "tool").mkdir()
+    environment = verilator(folder / "tool")
+    environment["HOME"] = environment["XDG_CONFIG_HOME"] = str(folder)
     fusesoc = Path(sys.executable).with_name("fusesoc")
-    work = tmp_path / "work"
-    command = [fusesoc, "--cores-root", ROOT, "run", "--target=lint", "--work-root", work]
-    done = subprocess.run(
-        [*command, f"dlr-vrscan:vrscan:{part}"],
-        cwd=tmp_path,
+    roots = [word for root in (ROOT, folder) for word in ("--cores-root", root)]
+    return subprocess.run(
+        [fusesoc, *roots, "run", "--target=lint", "--work-root", folder / "work", name],
+        cwd=folder,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+@VERILATORS
+@pytest.mark.parametrize("part", PARTS)
+def test_fusesoc_lints_each_part(
+    part: str, verilator: Callable[[Path], dict[str, str]], tmp_path: Path
+) -> None:
+    """FuseSoC finds the parts below by itself; its Verilator takes no files but the core's."""
+    done = linted(f"dlr-vrscan:vrscan:{part}", tmp_path, verilator)
     assert done.returncode == 0, done.stdout + done.stderr
-    listed = "".join(file.read_text() for file in work.glob("*.vc"))
+    listed = "".join(file.read_text() for file in (tmp_path / "work").glob("*.vc"))
     for file in cores.files(part):
         assert f"/{file.name}" in listed, file
+
+
+@VERILATORS
+def test_a_strict_project_sees_its_own_warnings_alone(
+    verilator: Callable[[Path], dict[str, str]], tmp_path: Path
+) -> None:
+    """With -Wall: pins that it leaves out and an output that it leaves open, in its own file."""
+    (tmp_path / "mine.sv").write_text(
+        "module mine;\n  vrscan_guarded u_block (.pulse_o());\nendmodule\n"
+    )
+    (tmp_path / "mine.core").write_text(
+        "CAPI=2:\nname: me:mine:mine:1\n"
+        "filesets: {rtl: {file_type: systemVerilogSource, files: [mine.sv],"
+        ' depend: ["dlr-vrscan:vrscan:top"]}}\n'
+        "targets: {default: {filesets: [rtl]}, lint: {filesets: [rtl], toplevel: mine,"
+        " default_tool: verilator, tools: {verilator: {mode: lint-only,"
+        ' verilator_options: ["-Wall"]}}}}\n'
+    )
+    done = linted("me:mine:mine", tmp_path, verilator)
+    assert done.returncode
+    warned = re.findall(r"%Warning-(\w+): (\S+?):", done.stdout + done.stderr)
+    assert {rule for rule, _ in warned} == {"PINMISSING", "PINCONNECTEMPTY"}
+    assert {Path(file).name for _, file in warned} == {"mine.sv"}
 
 
 def test_the_parts_hold_every_module_once() -> None:
     held = [file for part in PARTS for file in cores.files(part)]
     assert len(held) == len(set(held))
-    assert {file.stem for file in rtl_sources()} - {file.stem for file in held} <= {
-        "reset_bridge",  # of the boards
-        "pixel_fifo",
-        "laser_guard",
-    }
+    assert set(held) == set(rtl_sources())
 
 
 def test_a_field_of_a_modules_name_is_no_use_of_it() -> None:
@@ -88,9 +139,10 @@ def test_a_prefixed_copy_meets_no_other_name(tmp_path: Path) -> None:
     assert {file.stem for file in made} == {f"vrs_{file.stem}" for file in rtl_sources()}
     order = [f"vrs_{file.stem}" for file in rtl_packages()]
     made.sort(key=lambda f: order.index(f.stem) if f.stem in order else len(order))
-    options = ["--lint-only", "-Wno-MULTITOP", "--top-module", "vrs_vrscan_axi"]
+    options = ["--lint-only", "-Wall", "-Wno-MULTITOP", "-Wno-DECLFILENAME"]
+    options += ["--top-module", "vrs_vrscan_guarded"]
     done = subprocess.run(
-        [verilator_program(), *options, ROOT / "scripts" / "verilator.vlt", *made, other],
+        [verilator_program(), *options, folder / "vrscan.vlt", *made, other],
         env=verilator_environment(),
         capture_output=True,
         text=True,

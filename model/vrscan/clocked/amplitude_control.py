@@ -39,7 +39,6 @@ class AmplitudeControl:
         unsettled: Whether a shock, a jump of phase or the start is not over yet.
         index_fault: Whether an index fault is not over yet.
         confidence: Confidence in the scan angle; u8, 255 is full confidence.
-        error_amplitude: The set amplitude less the last measured one; s27, turns, 28 fraction bits.
     """
 
     def __init__(self, settings: AmplitudeSettings) -> None:
@@ -50,7 +49,6 @@ class AmplitudeControl:
         self.unsettled = True
         self.index_fault = False
         self.confidence = 0
-        self.error_amplitude = 0
         self._age = 0  # clocks since valid, 0 when idle
         self._e = 0
         self._phase_error = 0
@@ -95,7 +93,6 @@ class AmplitudeControl:
         """Update all outputs with a measurement."""
         e = self._e
         settings = self.settings
-        self.error_amplitude = e
         self._set_level(e)
         self._set_trim()
 

@@ -25,16 +25,14 @@ class Event(NamedTuple):
 
     Attributes:
         data: A byte of the payload.
-        first: Whether it is the frame's first byte.
         status: Status of the frame if it has ended.
     """
 
     data: int | None
-    first: bool
     status: Status | None
 
 
-_NOTHING = Event(None, False, None)
+_NOTHING = Event(None, None)
 
 
 class FrameDecoder:
@@ -47,7 +45,7 @@ class FrameDecoder:
 
     Attributes:
         valid: Whether ``data`` is a byte of the payload, which is good if the frame ends with OK.
-        data, first: The byte, and whether it is the frame's first; defined with ``valid``.
+        data: The byte; defined with ``valid``.
         done: Whether a frame has ended.
         status: Status of the frame; defined with ``done``.
 
@@ -60,7 +58,6 @@ class FrameDecoder:
             raise ValueError("frame_decoder: max_payload must be 1 to 65535")
         self.valid = False
         self.data = 0
-        self.first = False
         self.done = False
         self.status = Status.OK
 
@@ -85,7 +82,7 @@ class FrameDecoder:
         self._waiting = self.take(data, error) if valid else _NOTHING
         self.valid = event.data is not None
         if event.data is not None:
-            self.data, self.first = event.data, event.first
+            self.data = event.data
         self.done = event.status is not None
         if event.status is not None:
             self.status = event.status
@@ -95,7 +92,7 @@ class FrameDecoder:
         if data == 0:
             if not self._open:
                 return _NOTHING
-            event = Event(None, False, self._verdict(error))
+            event = Event(None, self._verdict(error))
             self._begin()
             return event
         self._open = True
@@ -116,7 +113,7 @@ class FrameDecoder:
         self._count += 1
         self._crc = crc_next(self._crc, data)
         if 0 <= index < self._max_payload:
-            return Event(out, index == 0, None)
+            return Event(out, None)
         return _NOTHING
 
     def _verdict(self, error: bool) -> Status:

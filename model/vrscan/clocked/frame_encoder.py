@@ -32,34 +32,22 @@ def crc_next(crc: int, data: int) -> int:
 class FrameEncoder:
     """Clock-accurate encoder. A new one is in the state after a reset.
 
-    Args:
-        max_payload: Largest number of bytes of a payload, ``MaxPayload``.
-
     Attributes:
         ready: Whether a byte that is valid in this clock is taken.
         valid: Whether ``data`` is a byte of the frame.
         data: The byte; defined with ``valid``.
-        too_long: Whether a byte more than ``max_payload`` was taken.
-
-    Raises:
-        ValueError: if ``max_payload`` is out of range.
     """
 
-    def __init__(self, max_payload: int = 1024) -> None:
-        if max_payload not in range(1, 1 << 16):
-            raise ValueError("frame_encoder: max_payload must be 1 to 65535")
+    def __init__(self) -> None:
         self.ready = False
         self.valid = False
         self.data = 0
-        self.too_long = False
 
-        self._max_payload = max_payload
         self._written: deque[int] = deque()  # bytes that may be sent
         self._block: list[int] = []  # bytes that wait for their code
         self._ending: list[int | None] = []  # CRC, then None for the code and for the 0x00
         self._room = False
         self._crc = CRC_INIT
-        self._count = 0
 
     def step(self, valid: bool, data: int, last: bool, ready: bool) -> None:
         """Advance by one clock with these inputs."""
@@ -69,7 +57,6 @@ class FrameEncoder:
         going: list[int] = []  # written now, readable from the next clock on
         if taken:
             self._crc = crc_next(self._crc, data)
-            self._count += 1
             going = self._put(data)
             if last:
                 self._ending = [self._crc >> 8, self._crc & 0xFF, None, None]
@@ -87,9 +74,6 @@ class FrameEncoder:
             value = self._ending.pop(0)
             assert value is not None
             going = self._put(value)
-        self.too_long = taken and self._count == self._max_payload + 1
-        if self._ending:
-            self._count = 0
 
         # The open slot is taken too. What leaves the ring in this clock is seen a clock later.
         occupied = before + len(going) + 1 + len(self._block)

@@ -12,7 +12,6 @@ LATENCY = 4  # clocks from the last clock that settles a level to valid_o
 PERIOD_CEILING = 1_250_000
 
 _STEP = 1 << pkg.SUB_WIDTH
-_TIME_MASK = (1 << (pkg.TIME_WIDTH + pkg.SUB_WIDTH)) - 1
 _AGES = 1 << pkg.AGE_WIDTH
 
 
@@ -23,7 +22,6 @@ class IndexCapture:
         settings: The configuration ports.
         index_oversample: Samples per clock, ``IndexOversample``: 1, 2, 4 or 8.
         count_width: Bits of the counters, ``CountWidth``.
-        initial_time: Time at the reset in clocks, ``InitialTime``.
         period_ceiling: Largest period and width in clocks, ``PeriodCeilingClks``.
 
     Attributes:
@@ -44,14 +42,12 @@ class IndexCapture:
         settings: IndexSettings,
         index_oversample: int = 4,
         count_width: int = 16,
-        initial_time: int = 0,
         period_ceiling: int = PERIOD_CEILING,
     ) -> None:
         if index_oversample not in (1, 2, 4, 8):
             raise ValueError("index_capture: index_oversample must be 1, 2, 4 or 8")
         self.valid = False
         self.outward = False
-        self.time = 0
         self.age = 0
         self.missing = False
         self.doubled = False
@@ -71,7 +67,6 @@ class IndexCapture:
         self._width_max = min(settings.width_max_clks, period_ceiling)
         self._period_max = min(settings.period_max_clks, period_ceiling)
         self._count_max = (1 << count_width) - 1
-        self._initial_time = initial_time
 
         self._now = 0  # clocks since the reset, unlimited
         # The samples of a clock together; one clock later, the time for which they have agreed.
@@ -170,7 +165,6 @@ class IndexCapture:
             self.valid = True
             self.outward = outward
             self.age = self._crossing_age
-            self.time = ((self._initial_time + now + 1) * _STEP - self.age) & _TIME_MASK
             self.doubled = self._before is outward
             if outward:
                 self._period_end = now + self._period_max + 1

@@ -221,7 +221,7 @@ class MirrorLoop:
     def ports(self) -> dict[str, int]:
         """Return all outputs of this clock, by the names of the ports without ``_o``.
 
-        What belongs to ``angle_valid`` and ``measured_valid`` is defined only with them.
+        What belongs to ``angle_valid`` is defined only with it.
         """
         self._sync_mirror()
         self._sync_line()
@@ -237,7 +237,6 @@ class MirrorLoop:
             "mirror_phase": self.phase.phase,
             "index_alive": self.capture.alive,
             "settled": self.control.settled,
-            "measured_valid": self.phase.valid,
             "measured": self.phase.measured,
             "error": self.phase.error,
             "angle_valid": self.angle_valid,
@@ -245,7 +244,6 @@ class MirrorLoop:
             "angle": angle,
             "mirror_flags": self._flags | saturated,
             "confidence": self._confidence,
-            "amplitude": self.amplitude,
             "renewing": self._renewing(),
         }
         return {name: int(value) for name, value in values.items()}

@@ -11,7 +11,7 @@ import numpy as np
 
 from vrscan.clocked.idle import MOST_IDLE
 from vrscan.data import pkg
-from vrscan.data.arrays import Bools, Ints
+from vrscan.data.arrays import Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.registers.settings import PhaseSettings
 
@@ -46,20 +46,18 @@ class Interpolated:
     Attributes:
         amplitude: Amplitudes, turns, 28 fraction bits; u26, int64.
         midpoint: Midpoints, turns, 28 fraction bits; s28, wraps, int64.
-        out_of_table: Whether the half distance is a quarter turn or more, so that the last entry is
-            used; bool.
     """
 
     amplitude: Ints
     midpoint: Ints
-    out_of_table: Bools
 
 
 def interpolated(half: Ints, amplitude: Ints, midpoint: Ints) -> Interpolated:
     """Return amplitude and midpoint from the table exactly as the hardware rounds them.
 
     Args:
-        half: Half distances, turns, 29 fraction bits, u28. Any shape.
+        half: Half distances, turns, 29 fraction bits, u28; from a quarter turn on the last entry
+            holds. Any shape.
         amplitude: The table's amplitudes [1024], u26; entry i is for i / 4096 turns.
         midpoint: The table's midpoints [1024], s28.
     """
@@ -76,7 +74,6 @@ def interpolated(half: Ints, amplitude: Ints, midpoint: Ints) -> Interpolated:
     return Interpolated(
         amplitude=amplitude[index] + ((rise * fraction + bias) >> FRACTION_WIDTH),
         midpoint=(middle + (1 << 27)) % (1 << 28) - (1 << 27),
-        out_of_table=outside,
     )
 
 
@@ -97,11 +94,9 @@ class MirrorPhase:
     Attributes:
         phase: Phase of the current clock, turns, 48 fraction bits, u48.
         increment: Advance of the phase per clock, u40.
-        valid: Whether there is a new measurement; the next five are those of the last one.
+        valid: Whether there is a new measurement; the next three are those of the last one.
         measured: Measured amplitude, turns, 28 fraction bits, u26.
         error: Middle of the crossings less the table's, turns, 28 fraction bits, s28.
-        half: Half the distance of the crossings, turns, 29 fraction bits, u28, saturating.
-        out_of_table: Whether ``half`` is a quarter turn or more.
         acquired: Whether the whole error was corrected at once, or will be because the table is
             another one.
         amplitude: Averaged amplitude; u26.
@@ -116,8 +111,6 @@ class MirrorPhase:
         self.measured = 0
         self.amplitude = 0
         self.error = 0
-        self.half = 0
-        self.out_of_table = False
         self.tracking = False
         self.acquired = False
         self.table_amplitude = [0] * TABLE_SIZE
@@ -216,8 +209,6 @@ class MirrorPhase:
         self.measured = measured
         self.amplitude = _rounded(self._average, FINE_WIDTH)
         self.error = rounded
-        self.half = self._half
-        self.out_of_table = outside
         self._pair = None
 
     def idle(self, *, word: int = 0) -> int:

@@ -96,7 +96,7 @@ class UartLink:
         self._receiver = UartRx()
         self._decoder = FrameDecoder(link_pkg.MAX_PAYLOAD)
         self._arbiter = PacketArbiter(streams + 1)
-        self._encoder = FrameEncoder(link_pkg.MAX_PAYLOAD)
+        self._encoder = FrameEncoder()
         self._transmitter = UartTx()
         self._pending_byte: int | None = None  # byte that waits for the transmitter
         self._wanted = False  # whether another rate is wanted

@@ -91,8 +91,6 @@ class MotionMap:
     Attributes:
         a: a_k, k = 1, 3 .. 17; s24, 22 fraction bits.
         phi: phi_k; u28, turns, 28 fraction bits.
-        offset: Phase d of the drive to which ``a`` and ``phi`` belong; s28, turns, 28 fraction
-            bits.
         renewing: Whether all is worked out anew for other settings.
     """
 
@@ -100,7 +98,6 @@ class MotionMap:
         self.settings = settings
         self.a = settings.motion_a
         self.phi = settings.motion_phi
-        self.offset = 0
         self._age = 0  # clocks since valid, 0 when idle; stops while the results wait
         self._offset = 0
         self._known = False  # an offset has come
@@ -123,7 +120,7 @@ class MotionMap:
 
     def _commit(self) -> None:
         given = self.settings
-        a, phi, d = motion_map(
+        a, phi, _ = motion_map(
             self._offset,
             given.drive_phase,
             np.array(given.motion_a),
@@ -133,4 +130,3 @@ class MotionMap:
         )
         self.a = tuple(a.tolist())
         self.phi = tuple(phi.tolist())
-        self.offset = int(d)

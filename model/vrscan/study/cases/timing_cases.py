@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from vrscan.clocked.index_capture import IndexCapture
 from vrscan.clocked.mirror_phase import MirrorPhase
 from vrscan.clocked.point_packer import SPACING, PointPacker
 from vrscan.data import pkg
@@ -18,35 +17,13 @@ from vrscan.ideal.motion import motion
 from vrscan.link.protocol import Batch
 from vrscan.link.protocol import points as parse_points
 from vrscan.registers.chain_registers import angle_turns
-from vrscan.registers.settings import IndexSettings, PhaseSettings
+from vrscan.registers.settings import PhaseSettings
 from vrscan.study.cases.case import Case, ModuleCase, Outcome
 from vrscan.study.cases.case_errors import number
 
-SUBS = 1 << pkg.SUB_WIDTH
-TIME_END = 1 << pkg.TIME_WIDTH
 LINE_END = 1 << pkg.LINE_NUMBER_WIDTH
 PHASE_TURN = 1 << pkg.PHASE_WIDTH
 DAYS_30 = 30 * 86_400
-
-
-def _time_wrap() -> Outcome:
-    width, before = 120, 60
-    twin = IndexCapture(
-        IndexSettings(glitch_clks=3, width_min_clks=80, width_max_clks=300, period_max_clks=700),
-        initial_time=TIME_END - 700,
-    )
-    times = []
-    for clock in range(1000):
-        high = 700 - before <= clock < 700 - before + width
-        twin.step(15 * high, 15)
-        if twin.valid:
-            times.append(twin.time)
-    wrong = [] if len(times) == 2 and times[1] < times[0] else [f"crossings {times}"]
-    apart = (times[1] - times[0]) % (TIME_END * SUBS) / SUBS
-    wrong += [] if apart == width else [f"{apart} clocks apart, want {width}"]
-    naive = float(times[1]) / SUBS - float(times[0]) / SUBS
-    here = number(apart - width, "clocks")
-    return Outcome("none", here, f"{abs(naive - width):.0f} clocks", tuple(wrong))
 
 
 def _phase_wrap() -> Outcome:
@@ -223,13 +200,6 @@ def _full_for_long() -> Outcome:
 
 def cases() -> Iterator[Case]:
     """Return the entries of this module."""
-    yield ModuleCase(
-        "time-wraps-in-a-pulse",
-        "the 32-bit time passes 2^32 between the two crossings of a pulse",
-        "differences are taken modulo 2^36 sixteenths: the pulse keeps its width",
-        _time_wrap,
-        ("test_index_capture.py::a_pulse_spans_the_wrap_of_the_time",),
-    )
     yield ModuleCase(
         "phase-wraps-in-a-line",
         "after 30 days the mirror's phase passes a whole turn in mid-line",
