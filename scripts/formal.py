@@ -1091,7 +1091,11 @@ MUTANTS = (
             ("a diode that knows no pulses", ".pulse_i(pulse_o),", ".pulse_i(1'b0),"),
             ("a diode that knows no level", ".startup_i(startup_o)", ".startup_i('0)"),
             ("no time for the answer", ".AnswerClks(ClockHz / 1_000_000 + 1)", ".AnswerClks(1)"),
-            ("no time for the filter", ".LevelClks(ClockHz / 200)", ".LevelClks(200)"),
+            (
+                "too little time for the filter",
+                ".LevelClks(ClockHz / 200)",
+                ".LevelClks(ClockHz / 250)",
+            ),
             ("a polygon's floor halved", "ClockHz / 2_000", "ClockHz / 4_000"),
             ("a polygon's floor twice", "ClockHz / 2_000", "ClockHz / 1_000"),
             ("a polygon that has to swing", "(Polygon ? 0 : 6_144)", "(6_144)"),
