@@ -1098,7 +1098,6 @@ MUTANTS = (
             ),
             ("a polygon's floor halved", "ClockHz / 2_000", "ClockHz / 4_000"),
             ("a polygon's floor twice", "ClockHz / 2_000", "ClockHz / 1_000"),
-            ("a polygon that has to swing", "(Polygon ? 0 : 6_144)", "(6_144)"),
         )
     ),
     Mutant(
