@@ -14,6 +14,7 @@ from harness import in_volume
 from run_command import ended
 from scanners import EACH_SCANNER, SCANNERS, words
 
+from vrscan.cli.app import _folder
 from vrscan.data import edges, recordings
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config, to_toml
@@ -64,8 +65,18 @@ def test_a_scan_writes_its_files_and_its_table(
     output = capsys.readouterr()
     assert f"300 lines, {located} points" in output.out
     assert "error/sigma" in output.out
-    # A second scan into the same folder replaces the files.
+    # A second scan into the same folder replaces the files, and removes what a killed one has left.
+    left = out / f".points.csv.{'0' * 16}"
+    left.touch()
     assert ended(monkeypatch, *arguments) == 0
+    assert not left.exists()
+    # Two at the same time are refused.
+    capsys.readouterr()
+    before = (out / "points.csv").read_bytes()
+    with _folder(out):
+        assert ended(monkeypatch, *arguments) == 2
+    assert f"{out}: another command writes there" in capsys.readouterr().err
+    assert (out / "points.csv").read_bytes() == before
 
 
 @pytest.mark.soak
@@ -89,9 +100,12 @@ def test_a_scene_in_full_has_the_same_points_whoever_computes_them(
 
 @EACH_SCANNER
 def test_replay_of_a_scan_gives_its_points(
-    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    config: Config,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The recording brings its configuration."""
+    """The recording brings its configuration; every format of export is written at once."""
     scan, points = tmp_path / "scan", tmp_path / "points.csv"
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "200", "--keep-lines"]
     arguments += words(config)
@@ -100,6 +114,12 @@ def test_replay_of_a_scan_gives_its_points(
     assert recordings.read(lines).config.model_dump() == config.model_dump()
     ended(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "ideal")
     assert points.read_bytes() == (scan / "points.csv").read_bytes()
+    found = sum(row["z_mm"] != "" for row in csv.DictReader(points.open()))
+    assert f"{points}: {found} points of 200 lines" in capsys.readouterr().out
+    clouds = [str(tmp_path / name) for name in ("replayed.xyz", "exported.xyz")]
+    assert ended(monkeypatch, "replay", str(lines), "--out", clouds[0], "--engine", "ideal") == 0
+    assert ended(monkeypatch, "export", str(points), clouds[1]) == 0
+    assert Path(clouds[0]).read_bytes() == Path(clouds[1]).read_bytes()
     truth = recordings.read(lines).lines.truth
     assert truth is not None
     seen = np.isfinite(truth.position_px)

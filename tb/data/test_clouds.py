@@ -8,13 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pye57
 import pytest
+import yaml
+from mcap.reader import make_reader
 from ros_reader import messages
 
 from vrscan.data import clouds, poses, ros
+from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.data.points import table
 from vrscan.data.range_image import sweeps
+from vrscan.data.recordings import Writer
 from vrscan.data.table import Table
 
 RATE_HZ = 37374.9
@@ -228,6 +233,77 @@ def test_poses_reach_cloud_and_transforms(tmp_path: Path) -> None:
     assert (moved.header.frame_id, moved.child_frame_id) == (ros.WORLD, "vrscan")
     assert moved.transform.translation.z == pytest.approx(0.01)
     assert moved.transform.rotation.x == pytest.approx(np.sin(turn[0] / 2.0), abs=1e-9)
+
+
+def test_far_places_keep_their_micrometres(tmp_path: Path) -> None:
+    """A scanner in UTM, 5,400 km from the origin: each format by another reader, and told."""
+    import e57
+    import pypcd4
+    import trimesh
+
+    path = tmp_path / "pose.csv"
+    path.write_text(
+        "time_s,x_mm,y_mm,z_mm,roll_deg,pitch_deg,yaw_deg\n"
+        "1,468523123.25,5426791555.5,120500,0,0,0\n3,468523123.25,5426791555.5,120500,0,0,0\n"
+    )
+    cloud = clouds.cloud(scan(), poses=poses.read(path))
+    want, offset = 1e-3 * cloud.places_mm, 1e-3 * cloud.offset_mm
+    assert offset[1] > 5e6 and np.array_equal(offset, np.rint(offset))
+    ply = trimesh.load(file_of(cloud, ".ply", tmp_path), process=False)
+    pcd = pypcd4.PointCloud.from_path(file_of(cloud, ".pcd", tmp_path))
+    place = file_of(cloud, ".e57", tmp_path)
+    with pye57.E57(str(place)) as file:
+        assert np.array_equal(file.get_header(0).translation, offset)
+    (sent,) = messages(file_of(cloud, ".mcap", tmp_path))["/tf_static"]
+    static = {each.child_frame_id: each for each in sent.transforms}
+    assert static[ros.NEAR].header.frame_id == ros.WORLD
+    origin = static[ros.NEAR].transform.translation
+    read = messages(tmp_path / "cloud.mcap")["/points"]
+    assert {each.header.frame_id for each in read} == {ros.NEAR}
+    rows = np.concatenate([points_of(each) for each in read])
+    found = {
+        ".ply": 1e-3 * ply.vertices,
+        ".pcd": np.stack([pcd.pc_data[axis] for axis in "xyz"], 1),
+        ".e57": e57.read_points(str(place)).points,  # which adds the pose
+        ".mcap": np.stack([rows[axis] for axis in "xyz"], 1)
+        + np.array([origin.x, origin.y, origin.z]),
+    }
+    for suffix, places in found.items():
+        off = np.abs(places - want).max()
+        print(f"{suffix}: {1e6 * off:.3f} um")
+        assert off < 2e-6 and cloud.note(suffix), suffix
+    program = Path(sys.executable).parent / "rerun"
+    words = [program, "rrd", "print", "-vvv", file_of(cloud, ".rrd", tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert "offset_m" in done.stdout and f"{offset[1]:.1f}" in done.stdout, done.stderr
+    assert not clouds.cloud(scan()).far and not clouds.cloud(scan()).note(".ply")
+
+
+def test_a_las_file_of_format_6_says_that_its_place_is_in_wkt(
+    found: clouds.Cloud, tmp_path: Path
+) -> None:
+    data = file_of(found, ".las", tmp_path).read_bytes()
+    assert int.from_bytes(data[6:8], "little") & 16
+    assert b"LASF_Projection" in data and b'LOCAL_CS["vrscan"' in data
+
+
+def test_later_readers_get_the_static_transform(found: clouds.Cloud, tmp_path: Path) -> None:
+    """As rosbag2 reads the profile, in YAML."""
+    with file_of(found, ".mcap", tmp_path).open("rb") as file:
+        channels = make_reader(file).get_summary().channels.values()
+    (static,) = [each for each in channels if each.topic == "/tf_static"]
+    (profile,) = yaml.safe_load(static.metadata["offered_qos_profiles"])
+    assert profile["durability"] == profile["reliability"] == 1 and profile["depth"] == 1
+
+
+@pytest.mark.parametrize("time_s", [-1e-3, 2.0**31])
+def test_a_time_that_no_stamp_has_is_told(time_s: float, tmp_path: Path) -> None:
+    points = scan()
+    points = replace(points, time_s=np.full(LINES, time_s))
+    with pytest.raises(InputError, match=r"^time_s = .*: a message's stamp has 0 to 2\^31 s$"):
+        clouds.write(clouds.cloud(points), ".mcap", io.BytesIO(), name="a.csv")
+    with pytest.raises(InputError, match=r"^time_s = "), Writer(io.BytesIO(), Config()) as into:
+        into.points(points)
 
 
 def test_rerun_by_its_own_program(found: clouds.Cloud, tmp_path: Path) -> None:

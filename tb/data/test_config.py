@@ -94,6 +94,10 @@ BAD = {
         "[sensor]\nline_lenght = 1024\n",
         ["unknown key sensor.line_lenght (1024); did you mean 'line_length'?"],
     ),
+    "too_few_facets": (
+        '[mirror]\nkind = "polygon"\nfacets = 3\nfrequency_hz = 240\n',
+        ["mirror.facets = 3", "4"],
+    ),
     "misspelt_key_of_a_polygon": (
         '[mirror]\nkind = "polygon"\nfacet = 5\n',
         ["unknown key mirror.facet (5); did you mean 'facets'?"],

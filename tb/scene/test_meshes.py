@@ -2,6 +2,9 @@
 
 import math
 import pickle
+import subprocess
+import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +12,7 @@ import pytest
 import trimesh
 
 from vrscan.data.arrays import Floats, Ints
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, InputWarning
 from vrscan.scene import targets as t
 from vrscan.scene.bust import bust
 from vrscan.scene.meshes import Caster, load_mesh, open_edges, welded
@@ -403,3 +406,43 @@ def test_welding_keeps_track_of_its_faces() -> None:
     merged, left, kept = welded(vertices, faces)
     assert len(merged) == 4 and kept.tolist() == [0, 2]
     assert np.allclose(merged[left[1]], [[0, 0, 0], [0, 0, 1], [1, 0, 0]])
+
+
+def box(folder: Path, size_mm: float) -> Path:
+    path = folder / "box.stl"
+    trimesh.creation.box([size_mm, 0.7 * size_mm, 0.5 * size_mm]).export(path)
+    return path
+
+
+def test_a_part_in_metres_gets_a_hint(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"box\.stl: .* 0\.12 mm large with scale = 1, 1000 if "):
+        load_mesh(box(tmp_path, 0.12))
+    with pytest.warns(InputWarning, match=r"box\.stl: .* 1\.2 mm large with scale = 1, 1000 if "):
+        load_mesh(box(tmp_path, 1.2))
+    with warnings.catch_warnings(action="error"):
+        vertices, _ = load_mesh(box(tmp_path, 0.12), 1000.0)
+    assert np.ptp(vertices, axis=0).max() == pytest.approx(120.0)
+
+
+SLOW = """
+import os, signal, sys
+from vrscan.data.extras import interrupt_held
+def handler(*_):
+    print("interrupted afterwards", done)
+    os._exit(130)
+signal.signal(signal.SIGINT, handler)
+done = False
+with interrupt_held():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass
+    except BaseException:
+        pass  # as trimesh does
+    done = True
+"""
+
+
+def test_an_interrupt_waits_for_an_import_that_would_swallow_it() -> None:
+    done = subprocess.run([sys.executable, "-c", SLOW], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "interrupted afterwards True\n"), done.stderr

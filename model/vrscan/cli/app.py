@@ -5,11 +5,11 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from pydantic import ValidationError
@@ -27,8 +27,8 @@ from vrscan.cli.progress import console as _console
 from vrscan.cli.progress import telling
 from vrscan.cli.report_commands import report as report_pages
 from vrscan.cli.view_commands import view
+from vrscan.data import clouds, line_files
 from vrscan.data import config as configuration
-from vrscan.data import line_files
 from vrscan.data.config import Config
 from vrscan.data.errors import (
     EXIT_BAD_INPUT,
@@ -50,6 +50,7 @@ from vrscan.data.points import (
     unfinished,
 )
 from vrscan.data.recordings import Writer, read_config
+from vrscan.data.table import Table
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
 from vrscan.registers.chain_registers import Registers
@@ -625,7 +626,10 @@ def replay(
             "of a logic analyser.",
         ),
     ],
-    out: Annotated[Path, typer.Option(help="File for the points: .csv, or .ply for a cloud.")],
+    out: Annotated[
+        Path,
+        typer.Option(help="File for the points: .csv, or any that export writes, by its ending."),
+    ],
     angles: Annotated[
         Path | None,
         typer.Option(
@@ -639,22 +643,32 @@ def replay(
 ) -> None:
     """Turn recorded lines into points."""
     _check_jobs(jobs)
-    suffix = check_suffix(out, (".csv", ".ply"))
+    suffix = check_suffix(out, (".csv", *clouds.SUFFIXES))
     settings = _settings(config, recording)
+    taken: list[Table] = []  # of a format that needs the whole scan
+    located = 0
     source = line_files.opened(recording, settings, angles, renamed(columns))
     with atomic_file(out) as file, source as recorded:
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
-        with (
-            telling(),
-            csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
-            _bar(f"engine {engine}", recorded.count) as progress,
-            engines.streamed(engine, blocks, settings, jobs) as found,
-        ):
-            for points in found:
-                write(csv_rows(points) if suffix == ".csv" else ply_vertices(points))
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(telling())
+            into: Callable[[Any], object] = taken.append
+            form: Callable[[Table], bytes] | None = None
+            if suffix == ".csv":
+                into, form = stack.enter_context(csv_file(file)), csv_rows
+            elif suffix == ".ply":
+                into, form = stack.enter_context(ply_file(file, out.parent)), ply_vertices
+            progress = stack.enter_context(_bar(f"engine {engine}", recorded.count))
+            for points in stack.enter_context(engines.streamed(engine, blocks, settings, jobs)):
+                into(points if form is None else form(points))
+                located += int(points.located.sum())
                 progress(int(points.line[-1]) + 1)
+        if taken:
+            cloud = clouds.cloud(Table.joined(taken), name=str(recording))
+            clouds.write(cloud, suffix, file, name=str(recording))
+    print(f"{out}: {located} points of {recorded.count} lines")
 
 
 @app.command()
@@ -988,7 +1002,8 @@ def _planned(
     wanted: str | list[str] | None = fidelity
     if fidelity is not None and fidelity not in ("auto", "full", "minimal"):
         wanted = [name.strip() for name in fidelity.split(",")]
-    described = load(scene)
+    with telling():
+        described = load(scene)
     if instrument is not None:
         own = {"instrument": load_instrument(instrument)}
         described = described.model_copy(update=own)
@@ -1034,13 +1049,20 @@ def _check_count(count: int, least: int, most: int = MOST_LINES) -> None:
 
 @contextlib.contextmanager
 def _folder(path: Path) -> Iterator[None]:
-    """Make the folder if it does not exist, and remove it again if the block fails."""
+    """Make the folder if it does not exist, and remove it again if the block fails.
+
+    What a command that was killed has left in it goes, and no other command writes there meanwhile.
+    """
     made = not path.exists()
     try:
         path.mkdir(exist_ok=True)
+        place = os.open(path, os.O_RDONLY)
     except OSError as error:
         raise InputError(f"{path}: cannot make the folder ({error.strerror})") from error
     try:
+        _taken(path, place)
+        for left in unfinished(path):
+            left.unlink()
         yield
     except BaseException:
         if made:
@@ -1049,6 +1071,20 @@ def _folder(path: Path) -> Iterator[None]:
                     left.unlink()
                 path.rmdir()
         raise
+    finally:
+        os.close(place)
+
+
+def _taken(path: Path, place: int) -> None:
+    """Take a folder for this command, until its descriptor is closed."""
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # of another system
+        return
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise InputError(f"{path}: another command writes there") from error
 
 
 # How `vrscan --help` groups the commands, in this order.

@@ -64,6 +64,7 @@ def export(
     """Write points in the formats of other programs, which the files' endings choose."""
     from vrscan.data import clouds, poses, range_image
     from vrscan.data.points import atomic_file
+    from vrscan.data.ros import check_frame
 
     paths = list(out or ())
     for path in paths:
@@ -78,8 +79,7 @@ def export(
             raise InputError(f"{path}: given twice")
     if rate is not None and not 0.0 < rate < float("inf"):
         raise InputError(f"--rate: must be above 0 ({rate:g})")
-    if not frame:
-        raise InputError("--frame: must not be empty")
+    check_frame("--frame", frame)
     with contextlib.ExitStack() as stack:
         files = {path: stack.enter_context(atomic_file(path)) for path in paths}
         table = _read(points)
@@ -96,6 +96,9 @@ def export(
                 clouds.write(found, path.suffix, file, name=str(points), frame=frame)
     names = ", ".join(map(str, paths))
     console().print(f"{len(found)} points of {len(table)} lines: {names}{note}", highlight=False)
+    told = [f"{path} {found.note(path.suffix)}" for path in paths if found.note(path.suffix)]
+    if told:
+        print(f"far from the origin: {'; '.join(told)}")
 
 
 def _noted(ctx: typer.Context, param: typer.CallbackParam, value: Any) -> Any:

@@ -19,12 +19,15 @@ from vrscan.data import ros
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.errors import InputError
 from vrscan.data.extras import named
-from vrscan.data.points import ply_file, ply_vertices
+from vrscan.data.points import ply_file, ply_vertices, widened
 from vrscan.data.poses import Poses
 from vrscan.data.range_image import Grid, grid, sweeps
 from vrscan.data.table import Table, flag_bits
 
 _METRE = 1e-3  # m in a mm
+_FAR_MM = 2.0**15  # from here on single precision moves a point by a micrometre and more
+_AXES = ",".join(f'AXIS["{axis}",OTHER]' for axis in "xyz")
+_WKT = f'LOCAL_CS["vrscan",LOCAL_DATUM["vrscan",0],UNIT["metre",1],{_AXES}]'
 _PCD = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "intensity", "sigma", "confidence")]
     + [("flags", "<u4"), ("line", "<u4"), ("time", "<f8")]
@@ -60,6 +63,38 @@ class Cloud:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.points)
+
+    @property
+    def offset_mm(self) -> Floats:
+        """Return what formats of single precision take off places, 0 where these are near [3].
+
+        It is a whole number of metres, so it is exact in every unit.
+        """
+        if np.abs(self.places_mm).max() < _FAR_MM:
+            return np.zeros(3)
+        return np.asarray(np.floor(self.places_mm.min(axis=0) * _METRE) / _METRE)
+
+    @property
+    def far(self) -> bool:
+        """Return whether places are too far from the origin for single precision."""
+        return bool(self.offset_mm.any())
+
+    def note(self, suffix: str) -> str:
+        """Return how a file has places far from the origin, "" where there is nothing to tell."""
+        x, y, z = _METRE * self.offset_mm
+        if not self.far or suffix not in _FAR:
+            return ""
+        return _FAR[suffix].format(f"x {x:.0f}, y {y:.0f}, z {z:.0f} m")
+
+
+# What is told of the files of far places; the others lose nothing.
+_FAR = {
+    ".ply": "in double precision",
+    ".pcd": "in double precision",
+    ".e57": "the pose of the scan adds {}",
+    ".mcap": "/tf_static adds {}",
+    ".rrd": "offset_m of cloud has {} to add",
+}
 
 
 def cloud(
@@ -135,6 +170,7 @@ def write(cloud: Cloud, suffix: str, file: BinaryIO, *, name: str, frame: str = 
             file,
             cloud.points,
             cloud.places_mm * _METRE,
+            cloud.offset_mm * _METRE,
             cloud.sweep,
             cloud.columns,
             cloud.flags,
@@ -146,21 +182,22 @@ def write(cloud: Cloud, suffix: str, file: BinaryIO, *, name: str, frame: str = 
 
 
 def _write_ply(cloud: Cloud, file: BinaryIO) -> None:
-    with ply_file(file) as take:
-        take(ply_vertices(cloud.points, cloud.places_mm))
+    with ply_file(file, double=cloud.far) as take:
+        take(ply_vertices(cloud.points, cloud.places_mm, double=cloud.far))
 
 
 def _write_pcd(cloud: Cloud, file: BinaryIO) -> None:
     """Write a PCD of version 0.7 with binary data."""
-    found = np.zeros(len(cloud), _PCD)
+    kind = widened(_PCD) if cloud.far else _PCD
+    found = np.zeros(len(cloud), kind)
     for axis, column in zip("xyz", (cloud.places_mm * _METRE).T, strict=True):
         found[axis] = column
     points = cloud.points
     found["intensity"], found["sigma"] = points.intensity, points.sigma_z_mm * _METRE
     found["confidence"], found["flags"] = points.c_obj, cloud.flags
     found["line"], found["time"] = points.line, points.time_s
-    names = _PCD.names or ()
-    kinds = [_PCD[name] for name in names]
+    names = kind.names or ()
+    kinds = [kind[name] for name in names]
     header = [
         "# .PCD v0.7 - Point Cloud Data file format",
         "VERSION 0.7",
@@ -197,6 +234,8 @@ def _write_las(cloud: Cloud, file: BinaryIO, *, packed: bool) -> None:
     points, places = cloud.points, cloud.places_mm * _METRE
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.generating_software, header.system_identifier = "vrscan", "vrscan"
+    header.global_encoding.wkt = True  # what points of format 6 ask for
+    header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(_WKT))
     header.offsets = np.floor(places.min(axis=0))
     fine = float(np.ptp(places, axis=0).max()) < _LAS_SPAN_M
     header.scales = np.full(3, _LAS_STEP_M if fine else _LAS_COARSE_M)
@@ -236,7 +275,8 @@ def _write_e57(cloud: Cloud, file: BinaryIO) -> None:
         import pye57
 
     # The library writes single precision, and limits that have to hold for what it writes.
-    x, y, z = (cloud.places_mm * _METRE).T.astype(np.float32).astype(np.float64)
+    near = (cloud.places_mm - cloud.offset_mm) * _METRE
+    x, y, z = near.T.astype(np.float32).astype(np.float64)
     data = {"cartesianX": x, "cartesianY": y, "cartesianZ": z}
     data["intensity"] = np.nan_to_num(cloud.points.intensity).astype(np.float32)
     if cloud.sweep[-1] < _MOST_ROWS:
@@ -246,7 +286,7 @@ def _write_e57(cloud: Cloud, file: BinaryIO) -> None:
     with tempfile.TemporaryDirectory() as folder:  # the library wants a name
         path = Path(folder) / "cloud.e57"
         with pye57.E57(os.fspath(path), mode="w") as written:
-            written.write_scan_raw(data, name="vrscan")
+            written.write_scan_raw(data, name="vrscan", translation=cloud.offset_mm * _METRE)
         with path.open("rb") as whole:
             shutil.copyfileobj(whole, file)
 
@@ -256,7 +296,7 @@ def _write_rrd(cloud: Cloud, file: BinaryIO) -> None:
     with named():
         import rerun
 
-    points, places = cloud.points, cloud.places_mm * _METRE
+    points, places = cloud.points, (cloud.places_mm - cloud.offset_mm) * _METRE
     stream = rerun.RecordingStream("vrscan", recording_id="points")
     found = stream.binary_stream()
     bright = np.nan_to_num(points.intensity)
@@ -270,6 +310,8 @@ def _write_rrd(cloud: Cloud, file: BinaryIO) -> None:
         "flags": cloud.flags,
         "line": points.line,
     }
+    if cloud.far:
+        columns["offset_m"] = cloud.offset_mm * _METRE
     stream.log("cloud", rerun.AnyValues(**columns), static=True)
     if not np.isnan(points.time_s).any():
         for each in np.split(np.arange(len(cloud)), np.flatnonzero(np.diff(cloud.sweep)) + 1):

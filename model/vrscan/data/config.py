@@ -272,7 +272,7 @@ class Mirror(Section):
 
     kind: Literal["resonant", "polygon"] = "resonant"
     """What turns the beam; a resonant mirror swings, and a polygon turns."""
-    facets: int = Field(default=12, ge=3, le=64)
+    facets: int = Field(default=12, ge=4, le=64)
     """Number of facets of a polygon."""
     reach_deg: float = Field(default=20.5, gt=0, lt=90)
     """Largest angle that a polygon scans to."""

@@ -6,9 +6,12 @@ imported by what uses it, so its absence shows only there.
 
 import contextlib
 import json
+import signal
+import threading
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from types import FrameType
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
@@ -72,6 +75,23 @@ def missing(what: str, brings: str) -> MissingError:
         brings: The command that installs it.
     """
     return MissingError(f"{what} is missing: {brings}")
+
+
+@contextlib.contextmanager
+def interrupt_held() -> Iterator[None]:
+    """Hold Ctrl-C back until the block ends: some libraries catch it while they are imported."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    come: list[tuple[int, FrameType | None]] = []
+    signal.signal(signal.SIGINT, lambda *signalled: come.append(signalled))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if come:
+            before(*come[0])
 
 
 @contextlib.contextmanager

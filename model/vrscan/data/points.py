@@ -431,15 +431,24 @@ def _fractions(pixel_width: int) -> list[int]:
     ]
 
 
+def widened(kind: "np.dtype[np.void]") -> "np.dtype[np.void]":
+    """Return a kind of row whose x, y and z are of double precision."""
+    return np.dtype([(n, "<f8" if n in ("x", "y", "z") else kind[n]) for n in kind.names or ()])
+
+
 @contextlib.contextmanager
-def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[bytes], object]]:
+def ply_file(
+    file: BinaryIO, folder: Path | None = None, *, double: bool = False
+) -> Iterator[Callable[[bytes], object]]:
     """Begin a PLY cloud; yield a function that takes ``ply_vertices``, in their order.
 
     Args:
         file: A binary file.
+        double: Whether x, y and z have double precision.
         folder: Folder of the unnamed file that holds the vertices until their number, which the
             header needs, is known; the system's folder for temporary files if None.
     """
+    kind = widened(_VERTEX) if double else _VERTEX
     with tempfile.TemporaryFile(dir=folder) as vertices:
         yield vertices.write
         header = [
@@ -447,8 +456,8 @@ def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[b
             "format binary_little_endian 1.0",
             "comment x, y, z and sigma_z in mm, y of the scanner; time in s; intensity in counts",
             "comment flags by bit: " + " ".join(f"{b}={name}" for name, b in pkg.FLAGS.items()),
-            f"element vertex {vertices.tell() // _VERTEX.itemsize}",
-            *(f"property {_PLY_KINDS[_VERTEX[name].str]} {name}" for name in _VERTEX.names or ()),
+            f"element vertex {vertices.tell() // kind.itemsize}",
+            *(f"property {_PLY_KINDS[kind[name].str]} {name}" for name in kind.names or ()),
             "end_header",
         ]
         file.write(("\n".join(header) + "\n").encode("ascii"))
@@ -456,12 +465,13 @@ def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[b
         shutil.copyfileobj(vertices, file)
 
 
-def ply_vertices(result: Table, places_mm: Floats | None = None) -> bytes:
+def ply_vertices(result: Table, places_mm: Floats | None = None, *, double: bool = False) -> bytes:
     """Return the located points as vertices of a PLY cloud.
 
     Args:
         result: The points.
         places_mm: x, y and z of each row instead of its own [n, 3].
+        double: Whether x, y and z have double precision.
 
     Returns:
         For each point x, y, z and sigma_z in mm, the confidence 0 to 1, the number of the line, the
@@ -469,7 +479,7 @@ def ply_vertices(result: Table, places_mm: Floats | None = None) -> bytes:
         one is not known. y is that of the scanner, and so of the scan plane.
     """
     rows = np.flatnonzero(result.located)
-    vertices = np.zeros(len(rows), _VERTEX)
+    vertices = np.zeros(len(rows), widened(_VERTEX) if double else _VERTEX)
     if places_mm is None:
         places_mm = result.places_mm
     for name, column in zip("xyz", places_mm[rows].T, strict=True):

@@ -33,6 +33,7 @@ from vrscan.data.extras import named
 from vrscan.data.lines import Lines, Truth, joined, part
 from vrscan.data.points import check_writable, read_csv
 from vrscan.data.points import table as in_units
+from vrscan.data.ros import check_time
 from vrscan.data.table import Table
 
 Rows = npt.NDArray[np.void]
@@ -174,7 +175,10 @@ class Writer:
         return number
 
     def _message(self, topic: str, number: int, time_s: float, data: bytes) -> None:
-        stamp = round(1e9 * time_s) if np.isfinite(time_s) and time_s > 0.0 else 0
+        stamp = 0
+        if not np.isnan(time_s):
+            check_time(time_s, time_s)
+            stamp = round(1e9 * time_s)
         sequence = self._sent.get(topic, 0)
         self._sent[topic] = sequence + 1
         self._into.add_message(number, stamp, data, stamp, sequence)

@@ -7,7 +7,8 @@ are and a node puts into a message of its own.
 along the sensor and y across the scan plane. A LaserScan lies in the plane of x and y of its frame
 with angle 0 along x, so it has a frame of its own, which ``/tf_static`` places: its x is the
 scanner's z, its y the scanner's x, its z the scanner's y. With poses ``/points`` is in the frame
-``world``, and ``/tf`` has the scanner in it at the first point of each sweep.
+``world``, or far from its origin in ``world_near``, which ``/tf_static`` places in it, and ``/tf``
+has the scanner in it at the first point of each sweep.
 """
 
 from math import sqrt
@@ -18,6 +19,7 @@ import numpy.typing as npt
 
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import UNITS_MM, Geometry
+from vrscan.data.errors import InputError
 from vrscan.data.extras import named
 from vrscan.data.poses import Poses
 from vrscan.data.range_image import Grid, Image, range_image
@@ -26,6 +28,20 @@ from vrscan.data.table import Table
 Message = dict[str, Any]
 Rows = npt.NDArray[np.void]
 WORLD = "world"
+NEAR = "world_near"  # of points that are far from the world's origin
+MOST_S = 2.0**31  # of a stamp, whose seconds have 32 bits with a sign
+# Of /tf_static, whose last message every later reader gets: a list of profiles in YAML, as rosbag2
+# keeps them; 1 is keep last, reliable and transient local, and the times are endless.
+LATCHED = """- history: 1
+  depth: 1
+  reliability: 1
+  durability: 1
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+"""
 POINTS, SCAN, TF_STATIC = "points", "scan", "tf_static"  # topics
 POINT = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "intensity", "sigma", "confidence")]
@@ -117,6 +133,7 @@ def write(
     file: BinaryIO,
     points: Table,
     places_m: Floats,
+    offset_m: Floats,
     sweep: Ints,
     columns: Grid,
     flags: Ints,
@@ -128,7 +145,8 @@ def write(
     Args:
         file: A binary file.
         points: n points with a place and a time.
-        places_m: Their places in the frame of ``/points`` [n, 3].
+        places_m: Their places in the scanner's frame, or with poses in the world's [n, 3].
+        offset_m: Origin in the world of the frame of ``/points``, 0 where places are near [3].
         sweep: Number of the sweep of each [n].
         columns: Angles of the LaserScan.
         flags: Bits of ``pkg.FLAGS`` of each [n].
@@ -136,6 +154,7 @@ def write(
         frame: The frame_id of the scanner.
 
     Raises:
+        InputError: if a time is none that ROS has.
         MissingError: if mcap or mcap_ros2 is not installed.
     """
     with named():
@@ -145,7 +164,9 @@ def write(
     first = points.time_s[[part[0] for part in parts]]
     period = float(np.median(np.diff(first))) if len(parts) > 1 else 0.0
     row = np.cumsum(np.diff(sweep, prepend=sweep[0]) != 0)
-    records = point_rows(points, places_m, flags, points.time_s - first[row])
+    check_time(float(points.time_s.min()), float(points.time_s.max()))
+    records = point_rows(points, places_m - offset_m, flags, points.time_s - first[row])
+    within = frame if poses is None else NEAR if offset_m.any() else WORLD
     image = range_image(points, row, columns)
     with Writer(file) as writer:
         clouds = writer.register_msgdef("sensor_msgs/msg/PointCloud2", _CLOUD)
@@ -155,15 +176,52 @@ def write(
         def send(topic: str, kind: Any, time_s: float, message: Message) -> None:
             writer.write_message(f"/{topic}", kind, message, log_time=round(1e9 * time_s))
 
-        send(TF_STATIC, transforms, float(first[0]), laser_placed(frame, float(first[0])))
+        placed = laser_placed(frame, float(first[0]))
+        if within == NEAR:
+            none = (0.0, 0.0, 0.0, 1.0)
+            placed["transforms"] += _transform(WORLD, NEAR, float(first[0]), offset_m, none)[
+                "transforms"
+            ]
+        _latched(writer, f"/{TF_STATIC}", transforms)
+        send(TF_STATIC, transforms, float(first[0]), placed)
         for part, time, ranges in zip(parts, first.tolist(), image, strict=True):
             if poses is not None:
                 place, turn = poses.at(np.array([time]))
                 moved = _transform(WORLD, frame, time, 1e-3 * place[0], turn[0])
                 send("tf", transforms, time, moved)
-            within = frame if poses is None else WORLD
             send(POINTS, clouds, time, point_cloud(records[part], within, time))
             send(SCAN, scans, time, laser_scan(ranges, columns, period, frame, time))
+
+
+def _latched(writer: Any, topic: str, kind: Any) -> None:
+    """Register a topic whose last message later readers get, too; the library has no way for it."""
+    writer._channel_ids[topic] = writer._writer.register_channel(
+        topic=topic,
+        message_encoding="cdr",
+        schema_id=kind.id,
+        metadata={"offered_qos_profiles": LATCHED},
+    )
+
+
+def check_time(first_s: float, last_s: float) -> None:
+    """Check that a stamp can have times.
+
+    Raises:
+        InputError: naming the first that it cannot have.
+    """
+    for time_s in (first_s, last_s):
+        if not 0.0 <= time_s < MOST_S:
+            raise InputError(f"time_s = {time_s:.9g}: a message's stamp has 0 to 2^31 s")
+
+
+def check_frame(name: str, frame: str) -> None:
+    """Check a frame_id.
+
+    Raises:
+        InputError: naming the option, if tf2 refuses it.
+    """
+    if not frame or frame.startswith("/"):
+        raise InputError(f"{name}: must not be empty or begin with a slash ({frame!r})")
 
 
 def point_rows(points: Table, places_m: Floats, flags: Ints, since_s: Floats) -> Rows:

@@ -5,23 +5,28 @@ in float64. The remaining error of float32: within some 1e-7 of the mesh's size 
 neighbouring triangle may be taken.
 """
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from vrscan.data.arrays import Floats, Ints
-from vrscan.data.errors import InputError, beside, one_line
+from vrscan.data.errors import InputError, InputWarning, beside, one_line
+from vrscan.data.extras import interrupt_held
 from vrscan.scene.shapes import START, dot, slab
+
+with interrupt_held():
+    import trimesh
 
 SUFFIXES = (".stl", ".obj", ".ply")
 _CLEAR = 2e-6  # share of the mesh's size: a nearer hit is the surface where the ray starts
 _OUTSIDE = 1e-3  # share of a triangle: a hit farther beyond its edge is drawn back to it
 _ATTEMPTS = 8  # attempts to get past surfaces that are too near
 _FLAT = 1e-300
+_SMALLEST_MM, _SMALL_MM = 0.5, 10.0
 
 # Distance and normal on the smooth surface behind the mesh, for rays that hit a triangle:
 # (origin [m, 3], direction [m, 3], distance [m], triangle [m]) -> (distance [m], normal [m, 3]).
@@ -129,7 +134,8 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
 
     Raises:
         InputError: naming the file, if it is missing, of another kind, cannot be read, has no
-            face, is not finite, or is open: an edge then belongs to an odd number of faces.
+            face, is not finite, is open (an edge then belongs to an odd number of faces), or is
+            smaller than the laser's spot.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: a mesh is an STL, OBJ or PLY file")
@@ -155,7 +161,18 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
     single = open_edges(faces)
     if single:
         raise InputError(f"{path}: the mesh is open at {single} edges; it must be closed")
+    _check_size(path, scale * float(np.ptp(vertices, axis=0).max()), scale)
     return vertices * scale, faces
+
+
+def _check_size(path: Path, size_mm: float, scale: float) -> None:
+    """Refuse a mesh smaller than the laser's spot, and tell of one that is hardly larger."""
+    hint = f"{path}: the mesh is {size_mm:.3g} mm large with scale = {scale:g}"
+    hint += f", {1000 * scale:g} if its unit is the metre"
+    if size_mm < _SMALLEST_MM:
+        raise InputError(f"{hint}; the laser's spot is larger")
+    if size_mm < _SMALL_MM:
+        warnings.warn(hint, InputWarning, stacklevel=3)
 
 
 def welded(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, Ints]:

@@ -98,8 +98,7 @@ class Driver(Node):
     def __init__(self) -> None:
         super().__init__("vrscan")
         self._asked = {name: self._parameter(name) for name in PARAMETERS}
-        if not self._asked["frame"]:
-            raise InputError("frame: must not be empty")
+        ros.check_frame("frame", self._asked["frame"])
         named = self._asked["configuration"]
         self._config = config.load(Path(named) if named else None)
         self._stack = contextlib.ExitStack()  # the connection
