@@ -4,7 +4,6 @@ import binascii
 
 import cocotb
 import numpy as np
-import pytest
 from cobs import cobs
 from frame_oracle import checked, frame, random_bytes, random_payload, uncobs, with_crc_byte
 from harness import (
@@ -252,9 +251,3 @@ def test_frame_oracle_knows_its_examples() -> None:
     ):
         assert cobs.encode(data) == coded
         assert uncobs(coded) == data
-
-
-@pytest.mark.parametrize("most", [0, 65536])
-def test_frame_encoder_model_rejects_what_does_not_fit(most: int) -> None:
-    with pytest.raises(ValueError, match="frame_encoder: "):
-        FrameEncoder(most)
