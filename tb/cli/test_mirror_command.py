@@ -57,6 +57,8 @@ def test_a_shock_from_power_on(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     for words in ("RUN after", "angle error, unflagged, rms", "event flagged after"):
         assert words in result.output
+    # The shipped mirror's middle is 0.2 urad off; the loop changes its amplitude by millionths.
+    assert shown(result.output, "(11)") < 5.0 and shown(result.output, "(12)") < 5.0
     rows = table(out)
     states = [row["state"] for row in rows]
     order = [state for k, state in enumerate(states) if k == 0 or state != states[k - 1]]
@@ -93,6 +95,25 @@ def test_its_progress_goes_on_every_few_milliseconds(tmp_path: Path) -> None:
     simulate(config, 0.01, Events(), told.append, start_seconds=0.05)
     assert told[-1] == 50_000
     assert np.diff([0, *told]).min() > 0 and np.diff([0, *told]).max() <= 4_000  # us
+
+
+def shown(output: str, name: str) -> float:
+    """Return the urad in the line of a table that begins with a name."""
+    (line,) = [line for line in output.splitlines() if line.strip().startswith(name)]
+    return float(line.split(" urad")[0].split()[-1])
+
+
+def test_what_the_equations_leave_of_a_crooked_motion(tmp_path: Path) -> None:
+    """A constant torque holds the middle of the motion off: (11) by twice that, (12) by it once."""
+    crooked_urad = 100.0
+    text = f"{CLOCK}[mems]\nasymmetry = {1e-6 * crooked_urad}\n"
+    config, out = written(tmp_path, text), tmp_path / "mirror.csv"
+    result = run("--out", str(out), "--config", config, "--seconds", "0.2")
+    assert result.exit_code == 0, result.output
+    half_turn, left = shown(result.output, "(11)"), shown(result.output, "(12)")
+    print(f"(11) leaves {half_turn} urad, (12) {left}")
+    assert half_turn == pytest.approx(2.0 * crooked_urad, rel=0.05)
+    assert left == pytest.approx(crooked_urad, rel=0.05)
 
 
 def recorded(path: Path, seconds: float) -> None:

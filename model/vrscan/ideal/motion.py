@@ -41,14 +41,14 @@ def motion(phase: Floats, amplitude: Floats | float, harmonics: Harmonics) -> Fl
     return np.asarray(amplitude * angle)
 
 
-def half_turn_residual(time_s: Floats, angle_rad: Floats, frequency_hz: float) -> Floats:
+def half_turn_residual(time_s: Floats, angle_rad: Floats, frequency_hz: Floats | float) -> Floats:
     """Return a(t) + a(t + T/2), which (11) says is zero, for all t at which both were recorded.
 
     Args:
         time_s: Rising times [n]. Between them a cubic spline is used; with m samples per period its
             error is 4 m^-4 of the amplitude, 4e-8 of it for m = 100.
         angle_rad: Angles at these times [n].
-        frequency_hz: Frequency of the motion, 1 / T.
+        frequency_hz: Frequency of the motion, 1 / T, one or [n].
 
     Returns:
         The sums in rad, [number of ``time_s`` that have a partner].

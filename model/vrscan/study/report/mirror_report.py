@@ -24,7 +24,7 @@ from vrscan.engines.mirror_engine import (
     Recording,
     World,
 )
-from vrscan.ideal.motion import crossings
+from vrscan.ideal.motion import crossings, half_turn_residual
 from vrscan.ideal.natural_frequency import natural_frequency, resting_point
 from vrscan.registers.mirror_registers import MirrorRegisters
 from vrscan.show.sheet import Sheet, listed
@@ -76,6 +76,7 @@ class Run:
     true_rad: Floats
     angle_rad: Floats
     true_amplitude_rad: Floats
+    left_rad: Floats  # what the odd harmonics of (12) leave of the true angles
     amplitude_rad: Floats
     frequency_hz: Floats
     natural_hz: Floats  # as the drive's phase tells it; NaN before RUN
@@ -156,7 +157,7 @@ def simulate(
             )
             if events.laser_off_s:
                 dark = min(end - mirror.clock, round(events.laser_off_s * hertz))
-                parts.append(mirror.run(dark, replace(world, laser_on=0), progress=told))
+                parts.append(mirror.run(dark, replace(world, startup_mw=0.0), progress=told))
                 world = replace(world, shock_rad_per_s=0.0)
             parts.append(mirror.run(end - mirror.clock, world, progress=told))
         recording = Recording.joined(parts)
@@ -241,17 +242,19 @@ def _run(
     amplitude = math.radians(config.mirror.amplitude_deg) if set_rad is None else set_rad
     natural = _natural_hz(recording, config, amplitude, hertz)
     measured_s = recording.measurements["clock"] / hertz
+    unknown = np.full(len(lines), np.nan)
+    # A polygon has neither an amplitude nor harmonics.
+    amplitude_true, left = (
+        (unknown, unknown) if config.mirror.polygon else fitted(time, angle_true, frequency)
+    )
     return Run(
         line=lines["line"],
         time_s=time,
         state=lines["state"],
         true_rad=angle_true,
         angle_rad=lines["angle"] * _PER_TURN,
-        true_amplitude_rad=(
-            np.full(len(lines), np.nan)  # a polygon has none
-            if config.mirror.polygon
-            else true_amplitude(time, angle_true, frequency)
-        ),
+        true_amplitude_rad=amplitude_true,
+        left_rad=left,
         amplitude_rad=lines["amplitude"] * _PER_AMPLITUDE,
         frequency_hz=frequency,
         natural_hz=np.where(
@@ -310,8 +313,8 @@ def _foreseen_hz(natural: Floats, config: Config, set_rad: float) -> float:
         return math.nan
 
 
-def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> Floats:
-    """Return the amplitude of a motion's first harmonic, by least squares over each few periods.
+def fitted(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> tuple[Floats, Floats]:
+    """Fit (12), its odd harmonics, to each few periods of a motion by least squares.
 
     Args:
         time_s: Rising times [n].
@@ -319,11 +322,12 @@ def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> F
         frequency_hz: Frequencies [n], near the motion's own.
 
     Returns:
-        Amplitudes, rad [n], linear between the blocks; NaN where there is less than a block.
+        Amplitudes of the first harmonic, rad [n], linear between the blocks, and what the harmonics
+        leave of the motion, rad [n]; NaN where there is less than a block.
     """
     nothing = np.full(len(time_s), np.nan)
     if len(time_s) < _BLOCK_LINES or np.isnan(angle_rad).any():
-        return nothing
+        return nothing, nothing
     step = np.diff(time_s)
     turns = np.concatenate([[0.0], np.cumsum(step * (frequency_hz[1:] + frequency_hz[:-1]) / 2.0)])
     # Whole periods, and enough lines for all harmonics; the rest at the end belongs to no block.
@@ -332,17 +336,22 @@ def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> F
     size = max(_BLOCK_LINES, round(periods * per_turn))
     count = len(time_s) // size
     if count == 0:
-        return nothing
+        return nothing, nothing
     used = count * size
     phase = _TURN * np.multiply.outer(turns[:used] % 1.0, np.asarray(HARMONICS, np.float64))
     design = np.concatenate([np.cos(phase), np.sin(phase)], axis=1).reshape(count, size, -1)
     # A small multiple of the unit matrix keeps blocks with unevenly sampled motion solvable.
     normal = np.einsum("bik,bil->bkl", design, design) + 1e-9 * np.eye(design.shape[2])
-    right = np.einsum("bik,bi->bk", design, angle_rad[:used].reshape(count, size))
+    blocks = angle_rad[:used].reshape(count, size)
+    right = np.einsum("bik,bi->bk", design, blocks)
     solution = np.linalg.solve(normal, right[..., None])[..., 0]
     amplitude = np.hypot(solution[:, 0], solution[:, len(HARMONICS)])
     centre = time_s[:used].reshape(count, size).mean(axis=1)
-    return np.asarray(np.interp(time_s, centre, amplitude))
+    left = blocks - np.einsum("bik,bk->bi", design, solution)
+    return (
+        np.asarray(np.interp(time_s, centre, amplitude)),
+        np.concatenate([left.ravel(), nothing[used:]]),
+    )
 
 
 def write_csv(run: Run, file: BinaryIO) -> None:
@@ -387,6 +396,8 @@ class Summary:
     unnoticed_urad: float  # the largest error of an angle between them
     flagged_s: float  # time from the event to the last flag
     natural_hz: float  # natural frequency before the event, from the drive's phase
+    half_turn_rms_urad: float  # a(t) + a(t + T/2) of the true angles, which (11) says is 0
+    harmonics_rms_urad: float  # what the odd harmonics of (12) leave of the true angles
     natural_after_hz: float  # the same at the end of a run with an event
     back_s: float  # time from the event until the true amplitude stays within BACK_PPM
     largest_ppm: float  # largest error of the amplitude after the event
@@ -424,6 +435,7 @@ def summarise(run: Run) -> Summary:
     else:
         steady_amplitude = steady
     error = 1e6 * run.error_rad[steady]
+    calm = running & (run.time_s > run.run_s + STEADY_S) & ~(run.time_s > run.event_s)
     return Summary(
         start_s=run.run_s,
         lines=int(running.sum()),
@@ -436,10 +448,23 @@ def summarise(run: Run) -> Summary:
         unnoticed_urad=unnoticed,
         flagged_s=flagged_s,
         natural_hz=_last(run.natural_hz[steady & ~(run.time_s > run.event_s)]),
+        half_turn_rms_urad=1e6 * _half_turn_rms(run, calm),
+        harmonics_rms_urad=1e6 * residuals.rms(run.left_rad[calm & np.isfinite(run.left_rad)]),
         natural_after_hz=_last(run.natural_hz[steady & (run.time_s > run.event_s)]),
         back_s=back,
         largest_ppm=largest,
     )
+
+
+def _half_turn_rms(run: Run, rows: Bools) -> float:
+    """Return the rms of what (11) says is 0; NaN of a polygon or where there is no half turn."""
+    if not np.isfinite(run.left_rad[rows]).any():
+        return math.nan
+    try:
+        left = half_turn_residual(run.time_s[rows], run.true_rad[rows], run.frequency_hz[rows])
+    except ValueError:
+        return math.nan
+    return residuals.rms(left)
 
 
 def _last(values: Floats) -> float:
@@ -475,6 +500,8 @@ def table(run: Run, summary: Summary, title: str) -> RichTable:
         ("of them flagged", summary.flagged, "{}"),
         ("angle error, unflagged, rms", summary.angle_rms_urad, "{:.2f} urad"),
         ("angle error, unflagged, largest", summary.angle_max_urad, "{:.2f} urad"),
+        ("(11), left of a(t) + a(t + T/2), rms", summary.half_turn_rms_urad, "{:.2f} urad"),
+        ("(12), left by its harmonics, rms", summary.harmonics_rms_urad, "{:.2f} urad"),
         ("amplitude held, rms", summary.amplitude_rms_ppm, "{:.1f} ppm"),
         ("index crossing, rms", summary.crossing_rms_ns, "{:.2f} ns"),
         ("natural frequency, by the drive's phase", summary.natural_hz, "{:.4f} Hz"),
