@@ -5,6 +5,7 @@
 //   +swinging=1         the mirror starts as +angle= and +velocity= say, rad and rad/s, with the
 //                       first pulse of the drive; else it starts at rest.  A polygon's velocity is
 //                       a share of its speed
+//   +rest=              where a polygon comes to rest, rad from the mark; 0 is on it
 //   +seed=              of the index's jitter
 //   +lag=, +delay=      of line_sensor
 //
@@ -26,6 +27,12 @@ module board #(
   parameter real         Bias            = 2.0e-7,
   parameter real         MarkRad         = 0.29670597283903605,
   parameter real         DiodeRad        = 0.017453292519943295,
+  parameter real         BeamRad         = 8.7266462599716477e-3,
+  parameter real         AmbientMw       = 0.0,
+  parameter real         ThresholdMw     = 0.05,
+  parameter real         ThresholdShare  = 0.5,
+  parameter real         HoldS           = 0.5,
+  parameter real         MwPerLevel      = 7.6295109483482108e-4,  // of power_o and startup_o
   parameter real         NoiseRad        = 0.0,
   parameter real         JitterS         = 1.0e-9,
   parameter int unsigned FocusAddress    = 42,
@@ -47,7 +54,7 @@ module board #(
 
   // ---- what it is started with ----
   logic [31:0] seed, lag, delay_clks;
-  real         start_angle, start_velocity;
+  real         start_angle, start_velocity, rest;
   bit          swinging;
   initial begin
     seed           = 32'd1;
@@ -55,11 +62,13 @@ module board #(
     delay_clks     = '0;
     start_angle    = 0.0;
     start_velocity = 0.0;
+    rest           = 0.0;
     swinging       = 1'b0;
     void'($value$plusargs("swinging=%d", swinging));
     void'($value$plusargs("seed=%d", seed));
     void'($value$plusargs("lag=%d", lag));
     void'($value$plusargs("delay=%d", delay_clks));
+    void'($value$plusargs("rest=%f", rest));
     void'($value$plusargs("angle=%f", start_angle));
     void'($value$plusargs("velocity=%f", start_velocity));
   end
@@ -174,6 +183,9 @@ module board #(
   serial_port u_serial_port (.clk_i, .rst_i, .rx_i(to_host), .tx_o(to_board));
 
   // ---- mirror ----
+  logic [vrscan_pkg::PowerWidth-1:0] pulse_light, startup_light;  // of each channel
+  assign pulse_light   = pulse ? power : '0;
+  assign startup_light = index_light ? startup : '0;
   logic driven_q;
   logic stall_q;
   real  angle;
@@ -194,10 +206,12 @@ module board #(
     .gate_o             (gate),
     .angle_true_o       (angle),
     .on_diode_o         (),
-    .laser_on_i         (index_light || pulse),
+    .startup_mw_i       (MwPerLevel * real'(startup_light)),
+    .pulse_mw_i         (MwPerLevel * real'(pulse_light)),
     .drop_i             (1'b0),
     .shock_i            (1'b0),
     .stall_i            (stall_q),
+    .rest_rad_i         (MarkRad + rest),
     .seed_i             (seed),
     .shock_rad_per_s_i  (0.0),
     .natural_offset_hz_i(0.0),
@@ -206,6 +220,11 @@ module board #(
     .start_velocity_i   (start_velocity),
     .mark_rad_i         (MarkRad),
     .width_rad_i        (DiodeRad),
+    .beam_rad_i         (BeamRad),
+    .ambient_mw_i       (AmbientMw),
+    .threshold_mw_i     (ThresholdMw),
+    .threshold_share_i  (ThresholdShare),
+    .hold_s_i           (HoldS),
     .noise_rad_i        (NoiseRad),
     .jitter_s_i         (JitterS)
   );
@@ -224,18 +243,20 @@ module board #(
   end
 
   // ---- the light, and the edges of the index: another level within an open gate and one light ----
-  logic [IndexOversample-1:0] comparator_q, gate_q;
-  logic                       index_edge;
-  logic [                1:0] lit_q;  // the comparator is a clock behind the light
+  logic [         IndexOversample-1:0] comparator_q, gate_q;
+  logic                                index_edge;
+  logic [2*vrscan_pkg::PowerWidth-1:0] light, light_q, light_q2;  // the comparator is a clock late
+  assign light      = {pulse_light, startup_light};
   assign index_edge = (&gate) && (&gate_q) && comparator != comparator_q
-      && (&lit_q) && (index_light || pulse);
+      && light != '0 && light == light_q && light == light_q2;
   always_ff @(posedge clk_i) begin
     stall_q      <= mirror_stalls() != 8'd0;
     comparator_q <= comparator;
     gate_q       <= gate;
-    lit_q        <= {lit_q[0], index_light || pulse};
+    light_q      <= light;
+    light_q2     <= light_q;
     if (!rst_i && (index_edge || pulse || index_light)) begin
-      light_is({7'd0, index_edge}, pulse ? 32'(power) : '0, index_light ? 32'(startup) : '0);
+      light_is({7'd0, index_edge}, 32'(pulse_light), 32'(startup_light));
     end
   end
 

@@ -1,13 +1,14 @@
 // mirror_world: what the mirror's loop is connected to: mirror, beam and photodiode.
 //
-// With Facets not 0 the mirror is a polygon, and its diode alone is the index: the gate is open.
+// With Facets not 0 the mirror is a polygon, and its diode has one field.
 //
 //   drive_i, level_i    from the loop's pins
 //   comparator_o, gate_o  to them
 //   centre_i, half_i    in the clock of a laser pulse's centre, or half a clock before it
 //   angle_true_o        of that moment, rad, from mems_mirror's cubic; one clock behind centre_i
 //   on_diode_o          the beam is on the diode, lit or not; to a step of the mirror
-//   stall_i             the beam rests where it is, as that of a mirror that is stuck
+//   stall_i             the beam rests where it is, as that of a mirror that is stuck; a polygon's
+//                       turns on to rest_rad_i
 
 `default_nettype none
 
@@ -41,10 +42,12 @@ module mirror_world #(
   output      logic                              on_diode_o,
 
   // What happens to it.
-  input  wire logic                              laser_on_i,
+  input  var real                                startup_mw_i,
+  input  var real                                pulse_mw_i,
   input  wire logic                              drop_i,
   input  wire logic                              shock_i,
   input  wire logic                              stall_i,
+  input  var real                                rest_rad_i,
   input  wire logic [                      31:0] seed_i,
   input  var real                                shock_rad_per_s_i,
   input  var real                                natural_offset_hz_i,
@@ -53,6 +56,11 @@ module mirror_world #(
   input  var real                                start_velocity_i,
   input  var real                                mark_rad_i,
   input  var real                                width_rad_i,
+  input  var real                                beam_rad_i,
+  input  var real                                ambient_mw_i,
+  input  var real                                threshold_mw_i,
+  input  var real                                threshold_share_i,
+  input  var real                                hold_s_i,
   input  var real                                noise_rad_i,
   input  var real                                jitter_s_i
 );
@@ -64,17 +72,15 @@ module mirror_world #(
   logic [SinceWidth-1:0] since_clks;
   if (Facets != 0) begin : gen_polygon
     polygon_mirror #(
-      .ClockHz(ClockHz), .IndexOversample(IndexOversample), .Facets(Facets), .FacetHz(FacetHz),
-      .SpinUpS(SpinUpS), .SpeedShare(SpeedShare), .HuntingHz(HuntingHz), .ErrorRad(ErrorRad)
+      .ClockHz(ClockHz), .Facets(Facets), .FacetHz(FacetHz), .SpinUpS(SpinUpS),
+      .SpeedShare(SpeedShare), .HuntingHz(HuntingHz), .ErrorRad(ErrorRad)
     ) u_polygon_mirror (
       .clk_i, .rst_i, .level_i, .natural_offset_hz_i,
       .start_speed_i(start_velocity_i),
       .angle_o      (angle),
       .velocity_o   (velocity),
-      .comparator_o,
-      .laser_on_i, .drop_i, .stall_i, .mark_rad_i, .width_rad_i, .jitter_s_i, .seed_i
+      .stall_i, .rest_rad_i, .seed_i
     );
-    assign gate_o       = '1;
     assign acceleration = 0.0;
     assign jerk         = 0.0;
     assign since_clks   = '0;
@@ -102,22 +108,23 @@ module mirror_world #(
     assign acceleration = stall_i ? 0.0 : swung_acceleration;
     assign jerk         = stall_i ? 0.0 : swung_jerk;
     always_ff @(posedge clk_i) if (!stall_i) held_q <= swung;
-
-    index_diode #(
-      .ClockHz(ClockHz), .StepClks(StepClks), .SinceWidth(SinceWidth),
-      .IndexOversample(IndexOversample)
-    ) u_index_diode (
-      .clk_i, .rst_i,
-      .angle_i       (angle),
-      .velocity_i    (velocity),
-      .acceleration_i(acceleration),
-      .jerk_i        (jerk),
-      .since_clks_i  (since_clks),
-      .laser_on_i, .drop_i,
-      .comparator_o, .gate_o,
-      .mark_rad_i, .width_rad_i, .noise_rad_i, .jitter_s_i, .seed_i
-    );
   end
+
+  index_diode #(
+    .ClockHz(ClockHz), .StepClks(StepClks), .SinceWidth(SinceWidth),
+    .IndexOversample(IndexOversample), .Fields(Facets != 0 ? 1 : 2)
+  ) u_index_diode (
+    .clk_i, .rst_i,
+    .angle_i       (angle),
+    .velocity_i    (velocity),
+    .acceleration_i(acceleration),
+    .jerk_i        (jerk),
+    .since_clks_i  (since_clks),
+    .startup_mw_i, .pulse_mw_i, .drop_i,
+    .comparator_o, .gate_o,
+    .mark_rad_i, .width_rad_i, .beam_rad_i, .ambient_mw_i, .threshold_mw_i, .threshold_share_i,
+    .hold_s_i, .noise_rad_i, .jitter_s_i, .seed_i
+  );
 
   // verilog_lint: waive-start always-ff-non-blocking (a local of one clock)
   always_ff @(posedge clk_i) begin

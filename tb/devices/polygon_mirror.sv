@@ -1,4 +1,4 @@
-// polygon_mirror: a polygon that turns at a speed of its own, in real arithmetic, and its diode.
+// polygon_mirror: a polygon that turns at a speed of its own, in real arithmetic.
 //
 //   FacetHz       mean number of facets a second; natural_offset_hz_i comes on top
 //   SpinUpS       the speed approaches that one with this time constant, and 0 where level_i is 0
@@ -7,18 +7,15 @@
 //   ErrorRad      rms error of a facet's angle, drawn at reset: of the beam, and so of the diode's pulse
 //   start_speed_i share of the speed that it has at reset
 //   angle_o ..    as those of mems_mirror: at time n - since_clks_o, here always 0
-//   comparator_o  the lit beam is on the diode; one Gaussian number of jitter_s_i shifts each pulse.
-//                 Sample j of clock n is at time n + j / IndexOversample
-//   drop_i        high when the beam comes to the diode: this pulse is lost
+//   stall_i       from its next passage of rest_rad_i on the beam rests there
 //   Model         vrscan.scene.polygon
 //
-// It leaves out: the pyramid error, the beam's width, and the walk of the beam on the facet.
+// It leaves out: the pyramid error, and the walk of the beam on the facet.
 
 `default_nettype none
 
 module polygon_mirror #(
   parameter int unsigned ClockHz = 125_000_000,
-  parameter int unsigned IndexOversample = 4,
   parameter int unsigned Facets = 12,
   parameter real FacetHz = 240.0,
   parameter real SpinUpS = 0.5,
@@ -35,14 +32,9 @@ module polygon_mirror #(
 
   output      real                               angle_o,
   output      real                               velocity_o,
-  output      logic [       IndexOversample-1:0] comparator_o,
 
-  input  wire logic                              laser_on_i,
-  input  wire logic                              drop_i,
   input  wire logic                              stall_i,
-  input  var real                                mark_rad_i,
-  input  var real                                width_rad_i,
-  input  var real                                jitter_s_i,
+  input  var real                                rest_rad_i,
   input  wire logic [31:0]                       seed_i
 );
 
@@ -64,16 +56,16 @@ module polygon_mirror #(
   endfunction
 
   real         error_q [Facets];
-  real         place_q, speed_q, time_q, shift_q;  // of a facet; facets a clock; s; s
+  real         place_q, speed_q, time_q;  // of a facet; facets a clock; s
   int unsigned facet_q;
-  logic        lost_q, near_q;
+  logic        rests_q;
   logic [63:0] random_q;
 
   // verilog_lint: waive-start always-ff-non-blocking (locals of one clock, in the order of its draws)
   always_ff @(posedge clk_i) begin
     automatic logic [63:0] state;
-    automatic real wanted, speed, place, angle, gaussian, off;
-    automatic logic is_near;
+    automatic real wanted, speed, place, angle, gaussian;
+    automatic logic rests;
     automatic int unsigned facet;
     state  = random_q;
     facet  = facet_q;
@@ -81,33 +73,24 @@ module polygon_mirror #(
         * (1.0 + SpeedShare * $cos(TwoPi * HuntingHz * time_q));
     // The hunting is that of the speed itself, and not slowed down by the spin-up.
     speed  = speed_q + (wanted - speed_q) * (ClockS / SpinUpS);
-    // The worst place to stand still: with the beam on the diode.
-    off = angle_o - mark_rad_i;
-    if (stall_i && (off < 0.0 ? -off : off) < 0.5 * width_rad_i) speed = 0.0;
     place  = place_q + speed;
     if (place >= 1.0) begin
       place = place - 1.0;
       facet = facet + 1 == Facets ? 0 : facet + 1;
     end
     angle = FacetRad * (0.5 - place) + error_q[facet];
-    off   = angle - mark_rad_i;
-    is_near = (off < 0.0 ? -off : off) < 2.0 * width_rad_i;
-    if (is_near && !near_q) begin
-      draw(state, gaussian);
-      shift_q <= jitter_s_i * gaussian;
-      lost_q  <= drop_i;
-    end
-    for (int unsigned j = 0; j < IndexOversample; j++) begin
-      off = angle - mark_rad_i
-          - FacetRad * speed * (real'(j) / real'(IndexOversample) - shift_q / ClockS);
-      comparator_o[j] <= (off < 0.0 ? -off : off) < width_rad_i && laser_on_i && !lost_q;
+    rests = stall_i && (rests_q || (angle_o > rest_rad_i && angle <= rest_rad_i));
+    if (rests) begin
+      speed = 0.0;
+      place = place_q;
+      angle = angle_o;
     end
     angle_o    <= angle;
     velocity_o <= -FacetRad * speed / ClockS;
     place_q    <= place;
     speed_q    <= speed;
     facet_q    <= facet;
-    near_q     <= is_near;
+    rests_q    <= rests;
     time_q     <= time_q + ClockS;
 
     if (rst_i) begin
@@ -120,10 +103,7 @@ module polygon_mirror #(
       speed_q <= start_speed_i * FacetHz * ClockS;
       facet_q <= 0;
       time_q  <= 0.0;
-      shift_q <= 0.0;
-      lost_q  <= 1'b0;
-      near_q  <= 1'b0;
-      comparator_o <= '0;
+      rests_q <= 1'b0;
     end
     random_q <= state;
   end

@@ -1,4 +1,9 @@
-"""index_diode: the crossings of passes at known speed, its jitter and noise, what makes it dark."""
+"""index_diode: the crossings of passes at known speed, its jitter and noise, what makes it dark.
+
+Its currents and its threshold are those of ``vrscan.scene.index_diode``.
+"""
+
+from dataclasses import replace
 
 import cocotb
 import numpy as np
@@ -6,8 +11,11 @@ import pytest
 from cocotb.triggers import Timer
 from harness import CLOCK_NS, FallingEdge, each, generator, parameters, reset, simulate
 
+from vrscan.scene.index_diode import IndexDiode, passes
+
 MARK = 0.2967
 WIDTH = 60e-6  # rad: much less than the instrument's, so that a pass is short
+BEAM = 8e-6
 SPEED = 314.0  # rad/s, at 17 of 20.5 degrees
 BEND = -7e5  # rad/s^2
 TOP_RAD = 20e-6
@@ -16,6 +24,16 @@ NOISE_HZ = 20.0e6
 ELABORATIONS = [
     {"IndexOversample": oversample, "StepClks": 16, "SinceWidth": 5} for oversample in (4, 1, 2, 8)
 ]
+ONE_FIELD = ELABORATIONS[0] | {"Fields": 1}
+DIODE = IndexDiode(
+    width_rad=WIDTH,
+    beam_rad=BEAM,
+    ambient_mw=0.0,
+    threshold_mw=0.5,  # of 1 mW: half of the beam is on the diode
+    threshold_share=0.0,
+    hold_s=1e3,
+)
+PULSE_MW = 20.0
 
 
 class Bench:
@@ -25,20 +43,34 @@ class Bench:
         self.dut = dut
         self.clock_s = 1.0 / int(dut.ClockHz.value)
         self.oversample = parameters()["IndexOversample"]
+        self.light = 1.0  # mW
         self.turn = (
             0.0  # rad/s^2: the beam turns back in the pass's middle, TOP_RAD beyond the mark
         )
 
-    async def start(self, *, mark: float = MARK, jitter: float = 0.0, seed: int = 1) -> None:
+    async def start(
+        self,
+        *,
+        mark: float = MARK,
+        jitter: float = 0.0,
+        seed: int = 1,
+        diode: IndexDiode = DIODE,
+    ) -> None:
         """Reset with the laser on."""
         dut = self.dut
         await reset(dut)
-        dut.mark_rad_i.value, dut.width_rad_i.value = mark, WIDTH
+        dut.mark_rad_i.value, dut.width_rad_i.value = mark, diode.width_rad
         dut.jitter_s_i.value, dut.seed_i.value = jitter, seed
-        dut.laser_on_i.value = 1
+        dut.beam_rad_i.value, dut.hold_s_i.value = diode.beam_rad, diode.hold_s
+        dut.ambient_mw_i.value = diode.ambient_mw
+        dut.threshold_share_i.value = diode.threshold_share
+        dut.threshold_mw_i.value = diode.threshold_mw
+        dut.startup_mw_i.value, dut.pulse_mw_i.value = self.light, 0.0
         dut.rst_i.value = 1
         await Timer(2 * CLOCK_NS, "ns")
         dut.rst_i.value = 0
+        for _ in range(2):
+            await FallingEdge(dut.clk_i)
         self.mark = mark
 
     def truth(self, clocks: np.ndarray, middle: float, outward: bool) -> tuple[np.ndarray, ...]:
@@ -53,7 +85,12 @@ class Bench:
         return angle, sign * (along * SPEED + BEND * t), 0 * t + sign * BEND, 0 * t
 
     async def run(
-        self, middle: float, outward: bool, drop: range = range(0), dark: range = range(0)
+        self,
+        middle: float,
+        outward: bool,
+        drop: range = range(0),
+        dark: range = range(0),
+        pulse: range = range(0),
     ) -> tuple[np.ndarray, np.ndarray]:
         """Lead the beam over the diode once and return the samples of comparator and gate.
 
@@ -70,17 +107,31 @@ class Bench:
                 dut.acceleration_i.value, dut.jerk_i.value = table[clock][2:]
             dut.since_clks_i.value = since
             dut.drop_i.value = int(clock in drop)
-            dut.laser_on_i.value = int(clock not in dark)
+            dut.startup_mw_i.value = self.light * (clock not in dark)
+            dut.pulse_mw_i.value = PULSE_MW * (clock in pulse)
             await FallingEdge(dut.clk_i)
             got.append((int(dut.comparator_o.value), int(dut.gate_o.value)))
         dut.angle_i.value = dut.velocity_i.value = 0.0  # far away
         dut.since_clks_i.value = 0
         dut.drop_i.value = 0
-        dut.laser_on_i.value = 1
+        dut.startup_mw_i.value, dut.pulse_mw_i.value = self.light, 0.0
         for _ in range(3):
             await FallingEdge(dut.clk_i)
         bits = (np.array(got)[:, :, None] >> np.arange(self.oversample)) & 1
         return bits[:, 0].ravel(), bits[:, 1].ravel()
+
+    async def seen(self, outward: bool, pulse: range = range(0)) -> np.ndarray:
+        """Return where a pass is seen, by the gate, or the comparator of one field."""
+        comparator, gate = await self.run(HALF_PASS, outward, pulse=pulse)
+        if parameters().get("Fields") != 1:
+            return gate == 1
+        assert gate.all()
+        return comparator == 1
+
+    def off(self, outward: bool) -> np.ndarray:
+        """Return how far from the mark the beam is at the samples of a pass."""
+        count = 2 * HALF_PASS * self.oversample
+        return np.abs(self.truth(self.times(count), HALF_PASS, outward)[0] - self.mark)
 
     def times(self, count: int) -> np.ndarray:
         """Return the times of samples in clocks of the pass."""
@@ -106,6 +157,62 @@ async def clean_passes_are_exact(dut) -> None:
             crossed += np.ptp(comparator[on]) == 1
             idle += np.count_nonzero(np.diff(comparator[np.flatnonzero(on)[-1] + 1 :]))
     assert crossed == 24 and idle < 6
+
+
+@cocotb.test()
+async def light_is_seen_above_a_fixed_threshold(dut) -> None:
+    """Wider in more light, ambient light adds up, and nothing or everything is above it."""
+    bench = Bench(dut)
+    seen_rad = []
+    for light, ambient in ((0.6, 0.0), (1.0, 0.0), (50.0, 0.0), (0.6, 0.3), (0.4, 0.0), (1.0, 0.5)):
+        bench.light = light
+        diode = replace(DIODE, ambient_mw=ambient)
+        await bench.start(diode=diode)
+        want_rad = diode.half_width_rad(light, diode.threshold(0.0))
+        for outward in (True, False):
+            seen = await bench.seen(outward)
+            assert np.array_equal(seen, bench.off(outward) < want_rad), (light, ambient)
+        seen_rad.append(want_rad)
+    assert seen_rad[0] < WIDTH < seen_rad[3] < seen_rad[2] and seen_rad[4:] == [0.0, np.inf]
+
+
+@cocotb.test()
+async def the_threshold_follows_the_passes_before(dut) -> None:
+    """Each pass is seen as wide as the light of those before it says, and ambient light is none."""
+    bench = Bench(dut)
+    light = np.repeat([1.0, 6.0, 2.0, 0.7, 40.0], 6)
+    for ambient in (0.0, 3.0):
+        diode = replace(DIODE, ambient_mw=ambient, threshold_mw=0.05, threshold_share=0.5)
+        await bench.start(diode=diode)
+        wants = passes(diode, np.arange(len(light)) * 1e-6, light)
+        for k, want_rad in enumerate(wants.tolist()):
+            bench.light = float(light[k])
+            seen, off = await bench.seen(bool(k % 2)), bench.off(bool(k % 2))
+            assert np.array_equal(seen, off < want_rad), f"pass {k}, ambient {ambient} mW"
+        assert 0.0 in wants and wants.max() > 1.09 * WIDTH and wants[-1] < 1.02 * WIDTH
+
+
+@cocotb.test()
+async def a_pulse_is_seen_and_does_not_count(dut) -> None:
+    """Both channels' light adds up, and the threshold stays that of the start-up light."""
+    bench = Bench(dut)
+    diode = replace(DIODE, threshold_mw=0.05, threshold_share=0.5)
+    await bench.start(diode=diode)
+    for k in range(20):
+        await bench.seen(bool(k % 2))
+    threshold = diode.threshold(diode.peak(1.0))
+    pulse = range(
+        HALF_PASS - 32, HALF_PASS - 20
+    )  # off the mark: where the start-up light is not seen
+    wide = diode.half_width_rad(1.0 + PULSE_MW, threshold)
+    off = bench.off(True)
+    inside = np.isin(np.arange(off.size) // bench.oversample, list(pulse))
+    want = np.where(inside, off < wide, off < diode.half_width_rad(1.0, threshold))
+    for _ in range(5):
+        seen = await bench.seen(True, pulse)
+        # A hundredth of the hold is still missing, and the samples at the edges tell.
+        assert np.count_nonzero(seen != want) <= 2
+        assert seen[inside].any() and off[seen].max() > 1.05 * WIDTH
 
 
 async def crossing_times(bench: Bench, passes: int) -> tuple[np.ndarray, np.ndarray]:
@@ -279,3 +386,7 @@ async def reset_mid_pass_and_seeds(dut) -> None:
 @pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_index_diode_sees_the_mark(widths: dict[str, int]) -> None:
     simulate("index_diode", __file__, widths)
+
+
+def test_a_diode_of_one_field_sees_the_light() -> None:
+    simulate("index_diode", __file__, ONE_FIELD, only="light_is|the_threshold|a_pulse_is")

@@ -58,9 +58,10 @@ struct Log {
 
 struct World {
   double natural_offset_hz, damping_factor, jitter_s, noise_rad, mark_rad, width_rad;
+  double beam_rad, ambient_mw, threshold_mw, threshold_share, hold_s;
+  double startup_mw;  // light on the diode, 0 where the laser is off
   double shock_rad_per_s;  // of the first clock of a run
   double start_angle, start_velocity;
-  int64_t laser_on;
   int64_t drop_every;  // a pass over the diode, 0 for none
   int64_t seed;
 };
@@ -109,10 +110,15 @@ void mirror_world(void* handle, const World* given) {
   world.noise_rad_i = given->noise_rad;
   world.mark_rad_i = given->mark_rad;
   world.width_rad_i = given->width_rad;
+  world.beam_rad_i = given->beam_rad;
+  world.ambient_mw_i = given->ambient_mw;
+  world.threshold_mw_i = given->threshold_mw;
+  world.threshold_share_i = given->threshold_share;
+  world.hold_s_i = given->hold_s;
+  world.startup_mw_i = given->startup_mw;
   world.shock_rad_per_s_i = given->shock_rad_per_s;
   world.start_angle_i = given->start_angle;
   world.start_velocity_i = given->start_velocity;
-  world.laser_on_i = given->laser_on;
   world.seed_i = given->seed;
 }
 

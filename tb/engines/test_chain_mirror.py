@@ -180,7 +180,7 @@ def journey() -> dict[str, Any]:
         legs[f"shock {phase}"] = trip.go(RECOVERS_S, shock_rad_per_s=SHOCK_RAD_PER_S)
     for phase in BLINKS:
         trip.to_phase(phase)
-        legs[f"dark {phase}"] = trip.go(1.3 / CONFIG.mirror.frequency_hz, laser_on=0)
+        legs[f"dark {phase}"] = trip.go(1.3 / CONFIG.mirror.frequency_hz, startup_mw=0.0)
         legs[f"light {phase}"] = trip.go(0.6 * RECOVERS_S)
     for every in DROPS:
         legs[f"drop {every}"] = trip.go(0.05, drop_every=every)
@@ -190,7 +190,7 @@ def journey() -> dict[str, Any]:
         legs[f"tenths {tenths}"] = trip.go(0.06, ratio=ratio)
     legs["stop 3"] = trip.go(0.003, enable=False)
     legs["restart"] = trip.go(2.0 * (sweep_s + SETTLES_S), until=RUN)
-    legs["lost"] = trip.go(0.05, laser_on=0)
+    legs["lost"] = trip.go(0.05, startup_mw=0.0)
     legs["waits"] = trip.go(0.005)
     legs["off"] = trip.go(0.005, enable=False)
     legs["again"] = trip.go(2.0 * (sweep_s + SETTLES_S), until=RUN)
@@ -360,7 +360,7 @@ def test_the_loop_of_another_scanner_is_the_twins_and_as_good(config: Config) ->
     leg = trip.go(RECOVERS_S, shock_rad_per_s=SHOCK_RAD_PER_S)
     check_recovery(leg, UNSETTLED, within_clks)
     trip.to_phase(BLINKS[1])
-    dark = trip.go(1.3 / mirror.frequency_hz, laser_on=0)
+    dark = trip.go(1.3 / mirror.frequency_hz, startup_mw=0.0)
     assert dark.flagged_after(INDEX_FAULT) <= within_clks
     trip.check_twin()
 

@@ -94,7 +94,8 @@ def test_edges_are_pulses_around_the_starts(tmp_path) -> None:
     assert pairs == len(begin) == 24 and gate.all()
     assert 0.5 * (begin + end) == pytest.approx(starts, abs=2e-12)
     width = 2.0 * math.radians(CONFIG.mems.diode_deg) / FACET_RAD / CONFIG.mirror.frequency_hz
-    assert end - begin == pytest.approx(width, rel=1e-9)
+    # Of the beam's light 6e-5 are beside the diode when the beam is in its middle.
+    assert end - begin == pytest.approx(width, rel=1e-4)
 
 
 def test_a_diode_that_stands_elsewhere_turns_all_angles() -> None:

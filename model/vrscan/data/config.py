@@ -674,6 +674,16 @@ class Mems(Section):
     """Constant torque over natural angular frequency squared, rad."""
     diode_deg: Positive = 1.0
     """Half width of the photodiode about the mark."""
+    beam_deg: Positive = 0.5
+    """Radius of the beam on the photodiode, to 1/e^2."""
+    ambient_mw: float = Field(default=0.0, ge=0)
+    """Other light on the photodiode, as much as this power of the laser."""
+    threshold_share: float = Field(default=0.5, ge=0, lt=1)
+    """Threshold / the current of preceding passes; 0 for a fixed one."""
+    threshold_mw: Positive = 0.05
+    """Least threshold, or the fixed one, in power of the laser."""
+    hold_s: Positive = 0.5
+    """Time constant of the current that is held from pass to pass."""
     jitter_ns: float = Field(default=1.0, ge=0)
     """Jitter of a crossing, rms."""
     noise_urad: float = Field(default=0.0, ge=0)

@@ -26,6 +26,7 @@ from vrscan.engines.mirror_engine import polygon_parameters
 from vrscan.engines.tools import build_folder, hardware_root
 from vrscan.engines.verilated import build_program
 from vrscan.scene.description import load
+from vrscan.scene.index_diode import IndexDiode
 from vrscan.scene.library import library
 from vrscan.scene.timeline import series
 
@@ -61,6 +62,7 @@ def build(config: Config, *, loaded: bool = False) -> Path:
         config.focus,
     )
     resolution_mm = 1e-3 * focus.resolution_um
+    diode = IndexDiode.of(config)
     parameters: dict[str, int | float] = {
         **hardware.parameters,
         "NaturalHz": mems.natural_hz,
@@ -69,7 +71,13 @@ def build(config: Config, *, loaded: bool = False) -> Path:
         "CombRad": math.radians(mems.comb_deg),
         "Bias": mems.asymmetry,
         "MarkRad": math.radians(mirror.index_deg),
-        "DiodeRad": math.radians(mems.diode_deg),
+        "DiodeRad": diode.width_rad,
+        "BeamRad": diode.beam_rad,
+        "AmbientMw": diode.ambient_mw,
+        "ThresholdMw": diode.threshold_mw,
+        "ThresholdShare": diode.threshold_share,
+        "HoldS": diode.hold_s,
+        "MwPerLevel": config.laser.rated_mw / config.laser.power_max,
         "NoiseRad": 1e-6 * mems.noise_urad,
         "JitterS": 1e-9 * mems.jitter_ns,
         "FocusAddress": focus.address,
@@ -112,6 +120,7 @@ def command(
     seed: int = 1,
     late_lines: float | None = None,
     loaded: bool = False,
+    rest_deg: float = 0.0,
     progress: Callable[[int], None] | None = None,
 ) -> list[str]:
     """Return the command that runs a board, after making the files that it needs.
@@ -130,6 +139,7 @@ def command(
             many more exposures have to end, and a part of a line's time to go by; the
             configuration's ``readout_lag`` if None.
         loaded: Whether the registers begin as a load of the configuration would leave them.
+        rest_deg: Scan angle from the mark at which a polygon rests after ``Process.stall``.
         progress: Called with the number of angles of the scene that are rendered so far.
 
     Raises:
@@ -146,7 +156,8 @@ def command(
     if real_time:
         words.append("--real-time")
     # Nothing is zero before the reset: what would need it fails here, not on a real board.
-    words += [f"+seed={seed}", "+verilator+rand+reset+2", f"+verilator+seed+{seed}"]
+    words += [f"+seed={seed}", f"+rest={math.radians(rest_deg)!r}"]
+    words += ["+verilator+rand+reset+2", f"+verilator+seed+{seed}"]
     lag, part = divmod(config.sensor.readout_lag if late_lines is None else late_lines, 1.0)
     delay_clks = round(part * config.clock.frequency_hz / config.line.rate_hz)
     words += [f"+lag={round(lag)}", f"+delay={delay_clks}"]
@@ -281,7 +292,7 @@ class Process:
             self._process.send_signal(number)
 
     def stall(self) -> None:
-        """Stop the mirror where it is, and do not let it go again."""
+        """Stop the mirror where it is, a polygon at ``rest_deg``, and do not let it go again."""
         self.signal(signal.SIGUSR1)
 
     def stop(self) -> int:
@@ -311,6 +322,7 @@ class Board(Process):
         seed: int = 1,
         late_lines: float | None = None,
         loaded: bool = False,
+        rest_deg: float = 0.0,
     ) -> None:
         """Make the files that a board needs; this takes a minute or two for a new configuration.
 
@@ -323,6 +335,7 @@ class Board(Process):
             seed: Seed of the index's jitter, and of what registers hold before the reset.
             late_lines: How late the sensor reads out, as in ``command``.
             loaded: Whether the registers begin with the configuration, as in ``command``.
+            rest_deg: Where a stalled polygon rests, as in ``command``.
 
         Raises:
             InputError: as ``command``.
@@ -338,5 +351,6 @@ class Board(Process):
             seed=seed,
             late_lines=late_lines,
             loaded=loaded,
+            rest_deg=rest_deg,
         )
         super().__init__(words, where)

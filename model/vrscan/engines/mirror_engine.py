@@ -18,6 +18,7 @@ from vrscan.engines.tools import hardware_root, rtl_module
 from vrscan.engines.verilated import Design, build
 from vrscan.registers.mirror_registers import MirrorRegisters
 from vrscan.registers.structs import register_struct
+from vrscan.scene.index_diode import IndexDiode
 
 # The rows that the engine writes, as in tb/engine/mirror.cpp.
 LINE = np.dtype([*mirror_loop.LINE.descr, ("angle_true", np.float64)])
@@ -48,7 +49,7 @@ CHUNK_S = 0.004  # mirror time between two progress reports
 
 @dataclass(frozen=True)
 class World:
-    """Disturbances of the simulated mirror during a run.
+    """Disturbances of the simulated mirror during a run, and the light on its diode.
 
     ``shock_rad_per_s`` is added to its velocity in the run's first clock. One of every
     ``drop_every`` passes over the diode is lost; 0 loses none.
@@ -60,28 +61,38 @@ class World:
     noise_rad: float
     mark_rad: float
     width_rad: float
+    beam_rad: float
+    ambient_mw: float
+    threshold_mw: float
+    threshold_share: float
+    hold_s: float
+    startup_mw: float
     shock_rad_per_s: float
     start_angle: float
     start_velocity: float
-    laser_on: int
     drop_every: int
     seed: int
 
     @classmethod
     def from_config(cls, config: Config, *, seed: int = 1) -> "World":
         """Return an undisturbed world: no drift, no shock, nothing dropped; a mirror at rest."""
-        mems = config.mems
+        mems, diode = config.mems, IndexDiode.of(config)
         return cls(
             natural_offset_hz=0.0,
             damping_factor=1.0,
             jitter_s=1e-9 * mems.jitter_ns,
             noise_rad=1e-6 * mems.noise_urad,
             mark_rad=math.radians(config.mirror.index_deg),
-            width_rad=math.radians(mems.diode_deg),
+            width_rad=diode.width_rad,
+            beam_rad=diode.beam_rad,
+            ambient_mw=diode.ambient_mw,
+            threshold_mw=diode.threshold_mw,
+            threshold_share=diode.threshold_share,
+            hold_s=diode.hold_s,
+            startup_mw=config.laser.startup_mw,
             shock_rad_per_s=0.0,
             start_angle=0.0,
             start_velocity=0.0,
-            laser_on=1,
             drop_every=0,
             seed=seed,
         )
@@ -89,8 +100,8 @@ class World:
 
 class _World(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_double) for name in list(World.__dataclass_fields__)[:-3]),
-        *((name, ctypes.c_int64) for name in list(World.__dataclass_fields__)[-3:]),
+        *((name, ctypes.c_double) for name in list(World.__dataclass_fields__)[:-2]),
+        *((name, ctypes.c_int64) for name in list(World.__dataclass_fields__)[-2:]),
     )
 
 

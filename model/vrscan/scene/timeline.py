@@ -29,6 +29,7 @@ from vrscan.data.config import HARMONICS, Config, Mirror, Section
 from vrscan.data.edges import COLUMNS
 from vrscan.data.errors import InputError
 from vrscan.ideal.motion import crossings
+from vrscan.scene.index_diode import IndexDiode
 from vrscan.scene.polygon import Turning, lit, reported
 from vrscan.scene.tolerances import Instrument, believed
 
@@ -362,10 +363,10 @@ def write_edges(
 ) -> int:
     """Write the index as a recording that ``vrscan.data.edges.read`` reads: EDGES.csv.
 
-    The gate is open within ``mems.diode_deg`` of the mark, the comparator high beyond the mark; a
-    whole pass over the diode has one jitter. The crossings are those of ``Timeline.index_s``. Only
-    turns that lie wholly inside the time are written, to 1 ps. A polygon's gate is always open,
-    and its comparator high while the beam is on the diode.
+    The gate is open where ``IndexDiode`` sees the beam of ``laser.startup_mw``, the comparator high
+    beyond the mark; a whole pass over the diode has one jitter. The crossings are those of
+    ``Timeline.index_s``. Only turns that lie wholly inside the time are written, to 1 ps. A
+    polygon's gate is always open, and its comparator high where its diode sees the beam.
 
     Args:
         file: A binary file.
@@ -387,11 +388,17 @@ def write_edges(
         raise ValueError(f"write_edges: begin_s {begin_s} is negative")
     if scan.sweep == "even":
         raise InputError("scan.sweep: an even sweep has no index")
+    seen = IndexDiode.of(config).settled_half_width_rad(config.laser.startup_mw)
+    if not 0.0 < seen < math.inf:
+        dark = "is always above" if seen else "is never above"
+        raise InputError(
+            f"mems, laser.startup_mw: the light on the photodiode {dark} its threshold"
+        )
     if config.mirror.polygon:
         turning = _polygon(config, scan, seed, instrument)
         first, last = (math.floor(turning.frequency_hz * at) for at in (begin_s, end_s))
         starts = turning.starts(first - 1, last - first + 3)
-        half = math.radians(config.mems.diode_deg) / (turning.facet_rad * turning.frequency_hz)
+        half = seen / (turning.facet_rad * turning.frequency_hz)
         starts = starts[(starts - half >= begin_s) & (starts + half < end_s)]
         pulses = [f"{begin_s:.12f},0,1\n"]
         pulses += [f"{at - half:.12f},1,1\n{at + half:.12f},0,1\n" for at in starts.tolist()]
@@ -399,7 +406,7 @@ def write_edges(
         return len(starts)
     motion = _Motion.of(config, scan, instrument)
     frequency = motion.frequency_hz + motion.phase_drift
-    width = math.copysign(math.radians(config.mems.diode_deg), motion.mark_rad)
+    width = math.copysign(seen, motion.mark_rad)
     inner = motion.mark_rad - width
     if inner * motion.mark_rad <= 0.0:
         raise InputError("mems.diode_deg: the photodiode reaches to angle 0")
