@@ -76,7 +76,6 @@ class Run:
     true_rad: Floats
     angle_rad: Floats
     true_amplitude_rad: Floats
-    left_rad: Floats  # what the odd harmonics of (12) leave of the true angles
     amplitude_rad: Floats
     frequency_hz: Floats
     natural_hz: Floats  # as the drive's phase tells it; NaN before RUN
@@ -244,9 +243,7 @@ def _run(
     measured_s = recording.measurements["clock"] / hertz
     unknown = np.full(len(lines), np.nan)
     # A polygon has neither an amplitude nor harmonics.
-    amplitude_true, left = (
-        (unknown, unknown) if config.mirror.polygon else fitted(time, angle_true, frequency)
-    )
+    amplitude_true = unknown if config.mirror.polygon else fitted(time, angle_true, frequency)[0]
     return Run(
         line=lines["line"],
         time_s=time,
@@ -254,7 +251,6 @@ def _run(
         true_rad=angle_true,
         angle_rad=lines["angle"] * _PER_TURN,
         true_amplitude_rad=amplitude_true,
-        left_rad=left,
         amplitude_rad=lines["amplitude"] * _PER_AMPLITUDE,
         frequency_hz=frequency,
         natural_hz=np.where(
@@ -436,6 +432,7 @@ def summarise(run: Run) -> Summary:
         steady_amplitude = steady
     error = 1e6 * run.error_rad[steady]
     calm = running & (run.time_s > run.run_s + STEADY_S) & ~(run.time_s > run.event_s)
+    half_turn, harmonics = _left_by_equations(run, calm)
     return Summary(
         start_s=run.run_s,
         lines=int(running.sum()),
@@ -448,23 +445,23 @@ def summarise(run: Run) -> Summary:
         unnoticed_urad=unnoticed,
         flagged_s=flagged_s,
         natural_hz=_last(run.natural_hz[steady & ~(run.time_s > run.event_s)]),
-        half_turn_rms_urad=1e6 * _half_turn_rms(run, calm),
-        harmonics_rms_urad=1e6 * residuals.rms(run.left_rad[calm & np.isfinite(run.left_rad)]),
+        half_turn_rms_urad=1e6 * half_turn,
+        harmonics_rms_urad=1e6 * harmonics,
         natural_after_hz=_last(run.natural_hz[steady & (run.time_s > run.event_s)]),
         back_s=back,
         largest_ppm=largest,
     )
 
 
-def _half_turn_rms(run: Run, rows: Bools) -> float:
-    """Return the rms of what (11) says is 0; NaN of a polygon or where there is no half turn."""
-    if not np.isfinite(run.left_rad[rows]).any():
-        return math.nan
-    try:
-        left = half_turn_residual(run.time_s[rows], run.true_rad[rows], run.frequency_hz[rows])
-    except ValueError:
-        return math.nan
-    return residuals.rms(left)
+def _left_by_equations(run: Run, rows: Bools) -> tuple[float, float]:
+    """Return the rms of what (11) and (12) leave, rad; NaN of a polygon or of too few lines."""
+    if np.isnan(run.true_amplitude_rad).all():
+        return math.nan, math.nan
+    motion = (run.time_s[rows], run.true_rad[rows], run.frequency_hz[rows])
+    left = fitted(*motion)[1]
+    if not np.isfinite(left).any():
+        return math.nan, math.nan
+    return residuals.rms(half_turn_residual(*motion)), residuals.rms(left[np.isfinite(left)])
 
 
 def _last(values: Floats) -> float:
