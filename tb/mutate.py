@@ -401,7 +401,7 @@ FAULTS = [
         ("never a jump", "jump_q ? second_quotient[19:0] : first", "first"),
         ("noise jumps", "<= uneven_q && second_quotient[Quo", "<= second_quotient[Quo"),
         ("a jump from the sum on", "{first_quotient[18:0], 1'b0}", "first_quotient[19:0]"),
-        ("less of its own speckle", "most_rough_q >> 7", "most_rough_q >> 6"),
+        ("more of its own speckle", "weight_q >> 8", "weight_q >> 9"),
         ("a pass before its product", "multiplied && divided) begin", "divided) begin"),
         ("not reset", "history_full_q <= 1'b0;", "history_full_q <= history_full_q;"),
     ),
@@ -412,7 +412,7 @@ FAULTS = [
     ),
     *faults(
         "model/vrscan/ideal/peak_fit.py",
-        ("never a jump", "= 2.0, 4 / 3, 2.0", "= 2.0, 4 / 3, 1e9"),
+        ("never a jump", "UNEVEN, JUMP = 2.0, 2.0", "UNEVEN, JUMP = 2.0, 1e9"),
         test="peak_fit_model",
     ),
     *faults(

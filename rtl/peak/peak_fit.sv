@@ -7,7 +7,7 @@
 // counts twice from u**2 = 5 on and four times from 7 on.  Four passes over the pixels; what third
 // differences of the second pass's quotients have more than noise is the speckle, steadied over the
 // last 32 lines and used from the third pass on; where a line's squared differences are above twice
-// what noise makes, and 4/3 of its own speckle above twice the steadied, these 4/3 are.  Grains as long as the spot, which differences do
+// what noise makes, and its own speckle above twice the steadied, its own is.  Grains as long as the spot, which differences do
 // not see, turn the middle of the spot against the whole: the slope of the quotients there, squared,
 // over what independent pixels make of it, averaged over 32 lines, tells what they add to sigma.
 //
@@ -344,8 +344,7 @@ module peak_fit #(
   logic        [ 7:0] above_three_q;
   logic        [ 9:0] freedom_q;  // five times the degrees of freedom
   logic               uneven_q;  // the differences are above twice what noise makes of them
-  // 4/3 of the line's own speckle; beyond its width nothing is known.
-  logic               jump_q;
+  logic               jump_q;  // so is the line's own speckle above twice the steadied
   logic signed [54:0] rough_excess;
   logic signed [56:0] lifted_excess_q, beyond_q;
   logic        [40:0] weight_q;
@@ -727,7 +726,7 @@ module peak_fit #(
         first_dividend_q  <= roughness_q[53] ? '0 : {unsigned'(roughness_q[52:0]), 4'd0};
         first_divisor_q   <= DivisorWidth'(weights_q >> 8);
         second_dividend_q <= line_rough_q[48] ? '0 : DividendWidth'(line_rough_q[47:0]) << 4;
-        second_divisor_q  <= DivisorWidth'(most_rough_q >> 7);
+        second_divisor_q  <= DivisorWidth'(weight_q >> 8);
         divide_start_q    <= '1;
         state_q           <= SPECKLE;
       end

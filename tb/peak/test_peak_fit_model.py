@@ -272,19 +272,25 @@ def test_peak_fit_model_is_the_float_fit(pixel_width: int) -> None:
     off = np.abs(got.position / 2.0**pkg.POSITION_FRACTION - want.position)[both]
     wrong = np.abs(got.sigma[both] / 2.0**pkg.SIGMA_FRACTION / want.sigma[both] - 1)
     most, rms, doubt, sigma, sigma_doubt = (value[both] for value in vars(allowed).values())
+    # A line on the limit of a jump has its own speckle in one of both.
+    found = got.speckle[both] / SPECKLE_ONE
+    jump = np.abs(found - want.speckle[both]) > 0.4 * np.maximum(found, want.speckle[both]) + 1e-3
+    assert jump.mean() < 0.003
+    shares = (off / (most + doubt), wrong / (sigma + sigma_doubt))
+    worst = [float(each[~jump].max()) for each in shares]
     print(
         f"\n{pixel_width} bits, measured / predicted / floor: place, 1e-3 px, of 90 % "
         f"{1e3 * np.quantile(off, 0.9):.2f} / {1e3 * np.quantile(1.645 * rms, 0.9):.2f} / "
         f"{1e3 / 2**13:.2f}; {100 * (off > most).mean():.2f} % of the lines over the worst case, "
-        f"none over {(off / (most + doubt)).max():.2f} of it with a pixel in doubt; sigma, of "
+        f"none over {worst[0]:.2f} of it with a pixel in doubt; sigma, of "
         f"90 % {100 * np.quantile(wrong, 0.9):.2f} / {100 * np.quantile(sigma, 0.9):.2f} %, over "
         f"it {100 * (wrong > sigma).mean():.2f} %, none over "
-        f"{(wrong / (sigma + sigma_doubt)).max():.2f} with a pixel in doubt; {100 * other:.2f} % "
+        f"{worst[1]:.2f} with a pixel in doubt; {100 * other:.2f} % "
         "fitted by one of both only"
     )
     assert np.quantile(off / rms, 0.9) < 1.645
-    assert (off > most).mean() < 0.02 and (off <= most + doubt).all()
-    assert (wrong > sigma).mean() < 0.02 and (wrong <= sigma + sigma_doubt).all()
+    assert (off > most).mean() < 0.02 and worst[0] <= 1
+    assert (wrong > sigma).mean() < 0.02 and worst[1] <= 1
 
 
 def cell(

@@ -46,7 +46,7 @@ SPECKLE_FRACTION = SPECKLE_WIDTH = 20  # of the squared contrast
 FIRST_SPECKLE = 1 << (SPECKLE_FRACTION - 6)  # squared contrast in the first two passes: 1/64
 LEAST_SPECKLE = 1678  # where nothing has been measured: 0.04**2
 PRIOR_WEIGHT = 32 * 20 << 12
-JUMP = 2  # times the steadied speckle, above which 4/3 of a line's own are taken instead
+JUMP = 2  # times the steadied speckle, above which a line has its own instead
 LN4 = 11357  # 2 ln 2, 13 fraction bits
 SIGMA_TO_SCALE = 9645  # 1 / sqrt(log2(e) / 2), 13 fraction bits
 DIFFERENCES = 20  # sum of the squared coefficients of a third difference
@@ -310,7 +310,7 @@ def _steadied(
 ) -> tuple[Ints, History]:
     """Return the squared contrast of each line with those before it, and the last lines.
 
-    Where a line's own jumps above it, 4/3 of the own.
+    A line whose own jumps above it has its own.
     """
     made = (variance.total * (np.minimum(sums.noise, MOST_NOISE) >> 4)) >> (SHARE_FRACTION - 4)
     excess = (sums.rough << (2 * HEIGHT_FRACTION - 22)) - made
@@ -328,8 +328,7 @@ def _steadied(
     prior = PRIOR_WEIGHT * LEAST_SPECKLE >> 12  # 20 fraction bits
     dividend = np.maximum(sums_of + prior, 0) << 4
     speckle, _ = divide(dividend, (weights + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
-    # 3/4 of a weight below it makes 4/3.
-    own, _ = divide(np.maximum(roughness, 0) << 4, most >> 7, quotient_width=QUOTIENT_WIDTH)
+    own, _ = divide(np.maximum(roughness, 0) << 4, weight >> 8, quotient_width=QUOTIENT_WIDTH)
     uneven = sums.rough > made >> (2 * HEIGHT_FRACTION - 22 - 1)
     jump = uneven & (own >> SPECKLE_WIDTH == 0) & (own > JUMP * speckle)
     speckle = np.where(jump, own, speckle)

@@ -19,9 +19,9 @@ Third differences of q cancel its polynomial, and of independent noise they have
 the variance. What they have more than read and shot noise make is 20 C**2 A**2, averaged over DEPTH
 lines and a prior; a line's weight goes with its noise, rounded to a power of two. Where the surface
 becomes rough that mean needs DEPTH lines to follow, so a line whose own speckle jumps above it has
-its own: where squared differences are more than UNEVEN times what noise makes, and OWN times the
-line's speckle is more than JUMP times the mean. OWN is above 1 because few differences often tell
-too little. That neighbours share speckle counts only in the standard deviation of the result.
+its own: where squared differences are more than UNEVEN times what noise makes, and the line's own
+speckle is more than JUMP times the mean. That neighbours share speckle counts only in the standard
+deviation of the result.
 
 Out of focus a grain may be as long as the spot, and third differences do not see it. It moves the
 middle of the spot against the whole, though. The slope of all pixels is 0 where the fit has
@@ -60,7 +60,7 @@ LEAST_NOISE = 5 / 16  # counts, that of the converter's steps
 FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
-UNEVEN, OWN, JUMP = 2.0, 4 / 3, 2.0
+UNEVEN, JUMP = 2.0, 2.0
 MOST_LEAN = 8.0  # of a line
 FINE_LEAN = 15 / 16  # that of fine grains is hardly larger
 PRIOR_LEAN, PRIOR_FITS = 3 / 2, 2.0  # before the first line
@@ -208,9 +208,7 @@ def _steadied(
     weight = DIFFERENCES * whole.sum(axis=1) * np.minimum(np.square(height), LARGEST_AREA)
     most = MOST_SPECKLE * weight
     excess = np.clip(excess, -most, most)
-    own = np.where(
-        measured & (rough > UNEVEN * made), OWN * excess / np.maximum(weight, _TINY), 0.0
-    )
+    own = np.where(measured & (rough > UNEVEN * made), excess / np.maximum(weight, _TINY), 0.0)
     terms = (np.where(measured, np.ldexp(each, power), 0.0) for each in (excess, weight))
     (roughness, last), (weights, heavy) = (
         _running(*each) for each in zip(history[:2], terms, strict=True)
