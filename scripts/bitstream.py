@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from absorb import absorb
+from attended import ends_with_its_tools
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -421,6 +422,7 @@ def main() -> int:
     if arguments.config is not None and arguments.write:
         parser.error("--write puts down the shipped design, which has no --config")
     console, complaints = Console(highlight=False), Console(stderr=True, highlight=False)
+    ends_with_its_tools("bitstream")
     try:
         design = shipped(arguments.board)
         if arguments.config is not None:

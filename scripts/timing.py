@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from absorb import Bit, absorb
+from attended import ends_with_its_tools
 from rich.console import Console
 from rich.progress import Progress
 
@@ -326,6 +327,7 @@ def main() -> int:
     parser.add_argument("modules", nargs="*", help="only these; all when none is named")
     parser.add_argument("--write", action="store_true", help="put the rows into docs/numbers.md")
     arguments = parser.parse_args()
+    ends_with_its_tools("timing")
     names = arguments.modules
     try:
         modules = [rtl_module(name) for name in names]

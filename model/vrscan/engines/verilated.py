@@ -13,9 +13,11 @@ import stat
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from subprocess import PIPE
 
 from filelock import FileLock
 
@@ -48,6 +50,7 @@ _HEADERS = ("verilated.h", "verilated_dpi.h", "verilated_vpi.h", "memory", "stri
 # Assertions are never switched off here, and each would call a function to ask: a seventh of a
 # board's time.
 _ASSERTIONS = "#define assertOnGet(type, directive) threads()\n"
+_TOLD_S = 4.0  # between two words of a tool that takes long
 # As verilated.mk has them: a compiled header counts only with the flags it was made with.
 _SWITCHES = ("COVERAGE", "SC", "TIMING", "TRACE", "TRACE_FST", "TRACE_VCD", "TRACE_SAIF")
 
@@ -81,13 +84,24 @@ def _call(
             if "VERILATOR_ROOT" in environment:
                 root = environment["VERILATOR_ROOT"].replace(str(place), str(link))
                 environment["VERILATOR_ROOT"] = root
-    done = subprocess.run(
-        command, env=environment, cwd=folder, capture_output=True, text=True, check=False
-    )
-    if done.returncode:
-        print(done.stdout + done.stderr, file=sys.stderr)
-        raise InputError(f"rtl engine: {Path(command[0]).name} failed; its messages are above")
-    return done.stdout.strip()
+    begun, name = time.monotonic(), Path(command[0]).name
+    with subprocess.Popen(
+        command, env=environment, cwd=folder, stdout=PIPE, stderr=PIPE, text=True
+    ) as process:
+        try:
+            while True:
+                try:
+                    out, complaints = process.communicate(timeout=_TOLD_S)
+                    break
+                except subprocess.TimeoutExpired:
+                    print(f"vrscan: {name}, {time.monotonic() - begun:.0f} s", file=sys.stderr)
+        except BaseException:
+            process.kill()
+            raise
+    if process.returncode:
+        print(out + complaints, file=sys.stderr)
+        raise InputError(f"rtl engine: {name} failed; its messages are above")
+    return out.strip()
 
 
 def _own(built: Path) -> bool:
