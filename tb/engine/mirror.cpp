@@ -74,6 +74,8 @@ struct Engine {
   int64_t centre_halves = 0;
   int64_t passes = 0;
   int64_t comparator = 0, gate = 0;
+  int64_t amplitude = 0;
+  bool centred = false;
   bool on_diode = false;
   bool simulated = true;
 
@@ -139,8 +141,8 @@ void mirror_reset(void* handle, const uint32_t* table, int64_t entries) {
   engine.loop.rst_i = 0;
   engine.world.rst_i = 0;
   engine.clock = engine.passes = engine.comparator = engine.gate = 0;
-  engine.centre_halves = 0;
-  engine.on_diode = false;
+  engine.centre_halves = engine.amplitude = 0;
+  engine.on_diode = engine.centred = false;
 }
 
 void* mirror_create() { return new Engine; }
@@ -187,11 +189,14 @@ int64_t mirror_run(void* handle, int64_t until, int64_t stop_state, const World*
     if (loop.angle_valid_o) {
       lines->append({loop.angle_line_o, engine.centre_halves, engine.clock,
                      engine.status(AT_MIRROR_STATE), loop.mirror_flags_o, loop.confidence_o,
-                     extended(loop.angle_o, ANGLE_WIDTH), loop.amplitude_o,
+                     extended(loop.angle_o, ANGLE_WIDTH), engine.amplitude,
                      engine.status(AT_MIRROR_WORD), loop.level_o, world.angle_true_o});
     }
+    // A line's amplitude is that of the clock behind its centre.
+    if (engine.centred) engine.amplitude = loop.rootp->mirror_loop__DOT__average;
+    engine.centred = loop.centre_o;
     if (loop.centre_o) engine.centre_halves = 2 * engine.clock + loop.centre_half_o;
-    if (loop.measured_valid_o) {
+    if (loop.rootp->mirror_loop__DOT__measured) {
       measurements->append({engine.clock, engine.status(AT_MIRROR_MEASURED),
                             extended(engine.status(AT_MIRROR_ERROR), ERROR_WIDTH), loop.level_o,
                             engine.status(AT_MIRROR_WORD), engine.status(AT_MIRROR_PHASE),

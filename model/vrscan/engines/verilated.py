@@ -303,7 +303,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
     Args:
         name: Name of the shared object, for messages.
         harness: C++ file in ``tb/engine`` with the C functions; it knows a design as V and its
-            module.
+            module. A file of its name that ends in .vlt is Verilator's control file.
         ports: Text that the harness includes as ``ports.h``: the ports, listed once, in Python.
         designs: Designs that are Verilated.
 
@@ -316,7 +316,8 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
     for design in designs:
         for source in _sources(design):
             digest.update(source.read_bytes())
-    for source in (harness, *sorted(harness.parent.glob("*.h")), Path(__file__)):
+    controls = sorted(harness.parent.glob(f"{harness.stem}.vlt"))
+    for source in (harness, *controls, *sorted(harness.parent.glob("*.h")), Path(__file__)):
         digest.update(source.read_bytes())
     folder = build_folder() / "engine"
     folder.mkdir(exist_ok=True)
@@ -333,7 +334,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
                 "--noassert", "--top-module", design.top.stem,
                 *(f"-G{key}={value!r}" for key, value in design.parameters.items()),
                 *(part for place in rtl_folders() for part in ("-y", str(place))),
-                *(str(file) for file in (*rtl_packages(), *design.devices, design.top)),
+                *(str(file) for file in (*controls, *rtl_packages(), *design.devices, design.top)),
                 goal=f"{design.prefix()}__ALL.a",
             )  # fmt: skip
         linked = work / library.name
