@@ -106,3 +106,36 @@ def test_a_polygon_is_scanned_measured_and_dark_when_it_stands(tmp_path: Path) -
     assert status.lines_lost == 0
     # Where it stands nothing is made of the pulses' light.
     assert status.lines_outside < 1.5 * CONFIG.line.rate_hz / CONFIG.mirror.frequency_hz
+
+
+@pytest.mark.parametrize("rest_deg", [-1.1, 0.0, 1.2])
+def test_no_host_lights_a_polygon_that_rests_on_its_diode(rest_deg: float, tmp_path: Path) -> None:
+    """At the diode's edge start-up light is below the threshold, and each pulse above it.
+
+    A host has one pulse a facet and start-up light all the time, so every pulse makes two edges of
+    a good period, and lifts all limits of the index. The pulses end all the same.
+    """
+    port = tmp_path / "port"
+    facet_s = 1.0 / CONFIG.mirror.frequency_hz
+    with Board(SCENE, CONFIG, port=port, swinging=True, rest_deg=rest_deg) as board:
+        with Device(str(port), timeout=240.0) as host:
+            host.load(CONFIG)
+            host.write_many([("line_enable", 1), ("laser_adapt", 0), ("laser_power", POWER)])
+            host.write_many([("laser_enable", 1), ("mirror_enable", 1)])
+            host.wait_for_mirror()
+            host.write_many([("scan_begin", 0), ("scan_span", 0xFFFF)])
+            host.write_many([("laser_index_begin", 0), ("laser_index_end", 0xFFFF)])
+            host.write_many([("period_max_clks", 0xFFFF_FFFF), ("width_max_clks", 0xFFFF_FFFF)])
+            host.write_many([("width_min_clks", 0), ("lost_timeout", 0xFFFF_FFFF)])
+            host.write_many([("pulse_clks", round(2e-6 * CLOCK_HZ)), ("ratio", 1 << 32)])
+            board.wait(round(10.0 * facet_s * CLOCK_HZ))
+            before = board.status()
+            assert before.pulse_at > before.clocks - 0.5 * LIGHT_S * CLOCK_HZ
+            board.stall()
+            board.wait(round(3.0 * LIGHT_S * CLOCK_HZ))
+        status = board.status()
+    rested = status.stalled_at + facet_s * CLOCK_HZ  # at most: it turns to where it rests
+    last = (status.pulse_at - rested) / CLOCK_HZ
+    print(f"rest at {rest_deg} degrees: last pulse {1e3 * last:.2f} ms after it")
+    assert status.clocks - rested > 2.5 * LIGHT_S * CLOCK_HZ
+    assert last < 0.010
