@@ -163,12 +163,12 @@ def sheet(made: Sequence[Way]) -> Sheet[Way]:
     """Return the table behind the picture."""
     return Sheet([
         words("way to a point", lambda way: way.title, name="way"),
-        Column("rms,\nmm", lambda way: way.rms_mm, "{:.3f}", name="rms_mm"),
-        Column("median,\nmm", lambda way: way.median_mm, "{:.3f}", name="median_mm"),
+        Column("rms, mm", lambda way: way.rms_mm, "{:.3f}", name="rms_mm"),
+        Column("median, mm", lambda way: way.median_mm, "{:.3f}", name="median_mm"),
         Column("lost", lambda way: way.lost, "{:.2f} %", scale=100.0, name="lost"),
-        Column("\nlines/s", lambda way: way.lines_per_s, number, name="lines_per_s"),
-        Column("latency,\nus", lambda way: way.latency_us, "{:.0f}", name="latency_us", absent="-"),
-        Column("\nLUT", lambda way: way.lut, "{:,}", name="lut", absent="-"),
+        Column("lines/s", lambda way: way.lines_per_s, number, name="lines_per_s"),
+        Column("latency, us", lambda way: way.latency_us, "{:.0f}", name="latency_us", absent="-"),
+        Column("LUT", lambda way: way.lut, "{:,}", name="lut", absent="-"),
     ], made)  # fmt: skip
 
 
