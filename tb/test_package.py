@@ -70,7 +70,7 @@ def files(folder: Path, *patterns: str) -> set[str]:
 
 
 def test_a_wheel_holds_package_rtl_and_harness_and_no_test(wheel: Path) -> None:
-    harness = files(Path("tb/engine"), "*.cpp", "*.h")
+    harness = files(Path("tb/engine"), "*.cpp", "*.h", "*.vlt")
     harness |= files(Path("tb/board"), "*.cpp", "*.h", "*.sv") | files(Path("tb/devices"), "*.sv")
     wanted = {name.removeprefix("model/") for name in files(Path("model/vrscan"), "*")}
     wanted |= {f"vrscan/hardware/{name}" for name in files(Path("rtl"), "*") | harness}
@@ -112,7 +112,8 @@ def test_an_unpacked_wheel_scans_from_any_folder_and_stays_as_it_is(
     done = python(site, tmp_path, *words)
     assert done.returncode == 0, done.stderr
     assert len((tmp_path / "scan" / "points.csv").read_text().splitlines()) == 65
-    assert written(tmp_path) == ["scan"]
+    assert written(tmp_path) == ["scan", "vrscan"]
+    assert [each.name for each in (tmp_path / "cache" / "vrscan").iterdir()] == ["tables"]
     assert {file: file.stat().st_mtime_ns for file in site.rglob("*")} == before
 
 

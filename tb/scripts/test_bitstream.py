@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -195,5 +196,5 @@ def test_every_word_of_a_board_is_a_synchronizer_of_it() -> None:
         if board.stem in FLOWS:
             for word in FLOWS[board.stem].words:
                 fifo, name = word.split(".")
-                assert f"pixel_fifo #(.PixelWidth(PixelWidth)) {fifo} (" in board.read_text()
+                assert re.search(rf"\bpixel_fifo #\([^;]*?\) {fifo} \(", board.read_text())
                 assert f") {name} (" in (ROOT / "rtl/sensor/pixel_fifo.sv").read_text()
