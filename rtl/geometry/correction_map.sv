@@ -167,7 +167,8 @@ module correction_map #(
   localparam int unsigned Drop = ValueFraction - vrscan_pkg::PositionFraction;
   localparam int unsigned SumWidth = (PositionWidth > ValueWidth ? PositionWidth : ValueWidth) + 1;
   localparam logic signed [PositionWidth-1:0] PositionMax = {1'b0, {(PositionWidth - 1) {1'b1}}};
-  logic signed [SumWidth-1:0] sum_q;
+  logic signed [SumWidth-1:0] sum_q, wide;
+  assign wide = SumWidth'(value);  // a shift of its own, which keeps the sign
   logic                       fits;
   assign fits = sum_q == SumWidth'(signed'(sum_q[PositionWidth-1:0]));
 
@@ -285,8 +286,7 @@ module correction_map #(
           default: begin
             sum_q <= SumWidth'(position_q);
             if (enable_i) begin
-              sum_q <= SumWidth'(position_q) + (SumWidth'(value) >>> Drop)
-                       + SumWidth'(value[Drop-1]);
+              sum_q <= SumWidth'(position_q) + SumWidth'(wide >>> Drop) + SumWidth'(value[Drop-1]);
             end
             done_q  <= 1'b1;
             state_q <= IDLE;
