@@ -412,7 +412,7 @@ FAULTS = [
     ),
     *faults(
         "model/vrscan/ideal/peak_fit.py",
-        ("never a jump", "UNEVEN, JUMP = 2.0, 2.0", "UNEVEN, JUMP = 2.0, 1e9"),
+        ("never a jump", "UNEVEN, JUMP = 4.0, 2.0", "UNEVEN, JUMP = 4.0, 1e9"),
         test="peak_fit_model",
     ),
     *faults(

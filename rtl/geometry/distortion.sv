@@ -147,7 +147,7 @@ module distortion #(
   assign slope = SlopeRoundedWidth'(slope_sum_q >>> SlopeDrop);
   logic slope_fits, offset_fits;
   assign slope_fits  = slope <= SlopeRoundedWidth'(SlopeMax) &&
-                       slope >= ~SlopeRoundedWidth'(SlopeMax);
+                       slope >= ~(SlopeRoundedWidth'(SlopeMax));
   assign offset_fits = offset_q[OffsetWidth] == offset_q[OffsetWidth-1];
 
   always_ff @(posedge clk_i) begin

@@ -148,7 +148,7 @@ module scan_angle #(
   logic signed [AngleSumWidth-1:0] angle_q;
   logic                            fits;
   assign rounded = (SumWidth + 1)'(lowered) + (SumWidth + 1)'(1 << (AngleDrop - 1));
-  assign fits    = angle_q <= AngleSumWidth'(AngleMax) && angle_q >= ~AngleSumWidth'(AngleMax);
+  assign fits    = angle_q <= AngleSumWidth'(AngleMax) && angle_q >= ~(AngleSumWidth'(AngleMax));
 
   always_ff @(posedge clk_i) begin
     prepare_q    <= 1'b0;

@@ -343,7 +343,7 @@ module peak_fit #(
   logic        [27:0] factor_q;
   logic        [ 7:0] above_three_q;
   logic        [ 9:0] freedom_q;  // five times the degrees of freedom
-  logic               uneven_q;  // the differences are above twice what noise makes of them
+  logic               uneven_q;  // the differences are above four times what noise makes
   logic               jump_q;  // so is the line's own speckle above twice the steadied
   logic signed [54:0] rough_excess;
   logic signed [56:0] lifted_excess_q, beyond_q;
@@ -676,7 +676,7 @@ module peak_fit #(
       end
       MADE_IN: if (product_valid) begin
         lifted_excess_q <= 57'(rough_excess) >>> 14;
-        uneven_q        <= rough_q > 42'(product >>> 24);
+        uneven_q        <= 45'(rough_q) > 45'(product >>> 23);
         state_q         <= LIGHT_IN;
       end
       LIGHT_IN: if (product_valid) begin

@@ -31,7 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     np.savez(tmp_path / "flag.npz", lines=good, mirror_flags=np.array([0, 0, 8], np.uint8))
     np.save(tmp_path / "bright.npy", good + np.uint16(4096))
     np.save(tmp_path / "short.npy", good[:, :100])
-    np.save(tmp_path / "float.npy", good.astype(float))
+    np.save(tmp_path / "float.npy", good + 0.5)
     (tmp_path / "empty.npy").write_bytes(b"")
     (tmp_path / "broken.npz").write_bytes((tmp_path / "good.npz").read_bytes()[:500])
     (tmp_path / "key.toml").write_text("[peak]\nk_nose = 3\n")
@@ -68,7 +68,7 @@ CASES = {
     "broken_lines": (["replay", "broken.npz", *REPLAY], ["broken.npz"]),
     "bright_pixel": (["replay", "bright.npy", *REPLAY], ["bright.npy", "4156"]),
     "short_lines": (["replay", "short.npy", *REPLAY], ["short.npy", "(3, 100)"]),
-    "floating_lines": (["replay", "float.npy", *REPLAY], ["float.npy", "float64"]),
+    "floating_lines": (["replay", "float.npy", *REPLAY], ["float.npy", ".5 at line 0"]),
     "nan_angle": (["replay", "nan.npz", *REPLAY], ["nan.npz", "nan at line 1"]),
     "large_angle": (["replay", "pi.npz", *REPLAY], ["pi.npz", "3.2 at line 2"]),
     "large_flag": (["replay", "flag.npz", *REPLAY], ["flag.npz", "mirror_flags", "8 at line 2"]),

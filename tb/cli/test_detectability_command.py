@@ -32,7 +32,7 @@ def test_own_site(tmp_path: Path) -> None:
     result = run(str(path))
     assert result.exit_code == 0, result.output
     assert "Yard" in result.output
-    assert "reflects 0.25 of the band" in result.output
+    assert "reflects 0.25 of the band" in " ".join(result.output.split())
 
 
 @pytest.mark.parametrize(

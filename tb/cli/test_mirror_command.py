@@ -209,7 +209,7 @@ def test_a_recorded_motion_gives_its_harmonics(tmp_path: Path) -> None:
 BAD_MOTIONS = {
     "missing": (None, "motion.csv"),
     "column": ("time_s,angle\n0,0\n", "no column angle_rad"),
-    "text": ("time_s,angle_rad\n0,now\n", "not a number"),
+    "text": ("time_s,angle_rad\n0,now\n", "is no number"),
     "nothing": ("time_s,angle_rad\n0,\n", "no angle_rad from 0 s on"),
     "few": ("time_s,angle_rad\n0,0.1\n", "1 samples, needs"),
 }

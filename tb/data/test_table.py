@@ -43,5 +43,5 @@ def test_without_pandas_a_frame_says_what_to_install(monkeypatch: pytest.MonkeyP
     import sys
 
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingError, match=r"pandas is missing: .*vrscan\[scene\]"):
+    with pytest.raises(MissingError, match=r"pandas is missing: .*\[scene\]"):
         scan().to_frame()

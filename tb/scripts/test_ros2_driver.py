@@ -235,7 +235,7 @@ def test_what_was_started_is_stopped_at_the_end(ros: Ros, board: FakeBoard) -> N
     [
         ({"min_confidence": 1.5}, "min_confidence: must be 0 to 1 (1.5)"),
         ({"sweeps": 0}, "sweeps: must be 1 to 1000 (0)"),
-        ({"frame": ""}, "frame: must not be empty"),
+        ({"frame": ""}, "frame: must not be empty or begin with a slash ('')"),
         ({"frame": "/map"}, "frame: must not be empty or begin with a slash ('/map')"),
         ({"configuration": "meter"}, "meter: no such file, nor a preset of .*'metre'.*"),
         ({"stream_baud": 900_000_000}, "baud: the board makes rates up to .*"),

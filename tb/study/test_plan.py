@@ -103,7 +103,7 @@ def test_with_grains_what_is_left_out_is_another_draw_of_the_same_error() -> Non
         f"moved {moved:.4f} px rms, {still:.4f} without; {len(errors[0])} and {len(errors[1])} "
         f"points, errors {sizes[0]} and {sizes[1]} px; distributions {apart.statistic:.4f} apart"
     )
-    assert moved > 2.0 * still  # the grains make more of what is left out than it is
+    assert moved > 1.2 * still  # the grains make more of what is left out than it is
     assert abs(len(errors[0]) - len(errors[1])) <= 0.003 * 2 * BLOCK
     assert sizes[1] == pytest.approx(sizes[0], rel=0.03)
     assert apart.statistic < 0.01

@@ -5,15 +5,11 @@ imported by what uses it, so its absence shows only there.
 """
 
 import contextlib
-import json
 import signal
 import threading
 from collections.abc import Iterator
-from importlib import metadata
 from pathlib import Path
 from types import FrameType
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from vrscan.data.errors import InputError
 
@@ -57,6 +53,11 @@ def install(extra: str) -> str:
 
     That is the clone that it runs in, or the folder or wheel that pip was told.
     """
+    import json
+    from importlib import metadata
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
+
     place = str(_CLONE)
     if not (_CLONE / "pyproject.toml").exists():
         place = "FOLDER OF A CLONE"

@@ -329,7 +329,7 @@ def _steadied(
     dividend = np.maximum(sums_of + prior, 0) << 4
     speckle, _ = divide(dividend, (weights + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
     own, _ = divide(np.maximum(roughness, 0) << 4, weight >> 8, quotient_width=QUOTIENT_WIDTH)
-    uneven = sums.rough > made >> (2 * HEIGHT_FRACTION - 22 - 1)
+    uneven = sums.rough > made >> (2 * HEIGHT_FRACTION - 22 - 2)  # four times
     jump = uneven & (own >> SPECKLE_WIDTH == 0) & (own > JUMP * speckle)
     speckle = np.where(jump, own, speckle)
     return speckle, history._replace(roughness=rough, weight=heavy)
