@@ -13,7 +13,7 @@ module ulx3s #(
   parameter int unsigned PixelWidth   = 12,    // 8 to 12
   parameter bit          Polygon      = 1'b0,
   parameter int unsigned ClockHz      = 76_666_667,
-  parameter int unsigned SensorHz     = 80_000_000,  // of sensor_clk_i at most, as in the constraints
+  parameter int unsigned SensorHz     = 80_000_000,  // of sensor_clk_i at most, as constrained
   parameter int unsigned PllInput     = 3,     // 25 MHz over this, times
   parameter int unsigned PllFeedback  = 23,    // this, is the output that feeds back; times
   parameter int unsigned PllOscillate = 4,     // this, 400 to 800 MHz; over

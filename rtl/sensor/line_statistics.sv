@@ -547,7 +547,8 @@ module line_statistics #(
         quotient_q     <= WAIT_PAIRS;
       end
       WAIT_PAIRS: if (pairs_done_q) begin
-        dividend_q     <= (use_row_q ? DividendWidth'(row_sum_q) : DividendWidth'(local_sum_q)) << MeanShift;
+        dividend_q     <= (use_row_q ? DividendWidth'(row_sum_q) : DividendWidth'(local_sum_q))
+                          << MeanShift;
         divisor_q      <= use_row_q ? DivisorWidth'(LineLength) : DivisorWidth'(kept_pixels);
         divide_start_q <= 1'b1;
         quotient_q     <= BACKGROUND;

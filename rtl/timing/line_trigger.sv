@@ -149,7 +149,8 @@ module line_trigger #(
       exposed_q        <= line_i.exposure_clks != '0;
       pulse_begin_q    <= SpanWidth'(line_i.pulse_delay_clks);
       pulse_end_q      <= SpanWidth'(line_i.pulse_delay_clks) + SpanWidth'(line_i.pulse_clks);
-      centre_q         <= SpanWidth'(line_i.pulse_delay_clks) + (SpanWidth'(line_i.pulse_clks) >> 1);
+      centre_q         <= SpanWidth'(line_i.pulse_delay_clks)
+                          + (SpanWidth'(line_i.pulse_clks) >> 1);
       half_q           <= line_i.pulse_clks[0];
     end
     skip_laser_q    <= skip_laser;
