@@ -286,7 +286,8 @@ module correction_map #(
           default: begin
             sum_q <= SumWidth'(position_q);
             if (enable_i) begin
-              sum_q <= SumWidth'(position_q) + SumWidth'(wide >>> Drop) + SumWidth'(value[Drop-1]);
+              sum_q <= SumWidth'(position_q) + SumWidth'(wide >>> Drop)
+                       + SumWidth'(value[Drop-1]);
             end
             done_q  <= 1'b1;
             state_q <= IDLE;

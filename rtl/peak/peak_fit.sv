@@ -941,8 +941,8 @@ module peak_fit #(
       // It counts 5/4 times: neighbours share it.  Coarse grains hide from differences.
       ADDED: begin
         issue_q    <= 1'b1;
-        operand_q  <= grains_q >= CoarseGrains ? FactorWidth'(total_q)
-                                               : FactorWidth'(speckle_part_q);
+        operand_q  <= grains_q >= CoarseGrains ? FactorWidth'(total_q) :
+                      FactorWidth'(speckle_part_q);
         lifted_q   <= (22'(grains_q) << 2) + 22'(grains_q);
         a_select_q <= A_OPERAND;
         b_select_q <= B_LIFTED;
