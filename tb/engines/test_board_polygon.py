@@ -34,6 +34,7 @@ DIODE_RAD = math.radians(1.0)  # that of tb/board: half of the beam's way over t
 POINTS = 150
 STEP = 3  # as many lines as the serial port carries
 DARK_S, LIGHT_S = 1.5 / CONFIG.mirror.frequency_hz, 0.025  # after the last edge of the index
+ARMED = 1 << 2  # of laser_status
 UNSETTLED = 1 << pkg.FLAG_UNSETTLED
 MIRROR = ((1 << pkg.MIRROR_FLAG_WIDTH) - 1) << pkg.FLAG_NOT_RUNNING
 NO_SPOT = 1 << pkg.FLAG_LOW_SNR | 1 << pkg.FLAG_TOO_NARROW | 1 << pkg.FLAG_RIVAL
@@ -50,6 +51,8 @@ def test_a_polygon_is_scanned_measured_and_dark_when_it_stands(tmp_path: Path) -
             host.write_many([("line_enable", 1), ("laser_adapt", 0), ("laser_power", POWER)])
             host.write_many([("laser_enable", 1), ("mirror_enable", 1)])
             host.wait_for_mirror()
+            while not integer(host.read("laser_status")) & ARMED:  # two lines behind RUN
+                pass
             ready = integer(host.read("uptime"))
             rows = []
             with host.stream(Form.FULL, STEP) as stream:
@@ -68,7 +71,7 @@ def test_a_polygon_is_scanned_measured_and_dark_when_it_stands(tmp_path: Path) -
             assert host.read("mirror_state") == pkg.MIRROR_FAULT
         status = board.status()
     found = np.concatenate(rows)
-    found = found[found["time"] > ready]  # the first may have begun before the mirror was settled
+    found = found[found["time"] > ready]  # the first may have begun before
 
     # The scan is lit and without a flag of the mirror, and beyond it there is no light.
     angle = 2.0 * math.pi * found["angle"] / 2.0**pkg.ANGLE_WIDTH
