@@ -422,7 +422,7 @@ module vrscan_chain #(
     .clk_i, .rst_i, .geometry_i,
     .valid_i(corrected), .measured_i(placed.measured), .offset_i(offset), .slope_i(slope),
     .saturated_i(offset_saturated || (map_i.map_enable && map_saturated)),
-    .sigma_i(placed.sigma), .typical_i(typical),
+    .sigma_i(placed.sigma), .typical_i(typical), .snr_i(placed.snr),
     .angle_i(placed.line.angle),
     .user_i(corrected_point),
     .valid_o, .ready_i, .measured_o(in_space), .x_o(x), .z_o(z), .sigma_z_o(sigma_z),
@@ -436,7 +436,10 @@ module vrscan_chain #(
     point_o.x        = x;
     point_o.z        = z;
     point_o.sigma_z  = sigma_z;
-    point_o.c_obj    = taken.flags[vrscan_pkg::FlagMixed] ? c_obj >> 1 : c_obj;  // half keep it
+    point_o.c_obj    = c_obj;
+    if (taken.flags[vrscan_pkg::FlagMixed] && geometry_i.c_obj_gain == '0) begin
+      point_o.c_obj = c_obj >> 1;  // half keep the tolerance
+    end
     point_o.flags[vrscan_pkg::FlagNoRange]    = no_range;
     point_o.flags[vrscan_pkg::FlagOutOfRange] = out_of_range;
     point_o.flags[vrscan_pkg::FlagPointsLost] = points_lost;

@@ -98,6 +98,8 @@ package vrscan_pkg;
   localparam int unsigned BaseFraction = 20;  // n0, n1: mm
   localparam int unsigned ToleranceWidth = 16;  // share of z that a point may err, for c_obj
   localparam int unsigned ToleranceFraction = 24;
+  localparam int unsigned ObjectGainWidth = 21;  // of c_obj as a share of the S/N
+  localparam int unsigned ObjectGainFraction = 20;
   localparam int unsigned RayFraction = 30;  // d0, d1, e0, e1
   localparam int unsigned MapWidth = 17;  // of a node of the correction map, px, signed
   localparam int unsigned MapWordWidth = 18;  // a node, and above it whether it was filled

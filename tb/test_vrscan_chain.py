@@ -577,6 +577,7 @@ def configurations(draw: np.random.Generator, windows: list[str]) -> list[Regist
                 k1=given.k1 + 3001 * k,
                 n0=given.n0 - 9_999_999 * k,
                 tolerance=given.tolerance + 77 * k,
+                c_obj_gain=4321 * k if k % 3 == 2 else 0,
                 free_begin=given.free_begin - 5000 * k,
                 free_table_from=tuple(least.tolist()),
                 free_table_to=tuple((least + draw.integers(0, 1 << 15, entries)).tolist()),

@@ -10,6 +10,7 @@
 //
 // the probability that z errs by less than the share tolerance of itself.  Where a few positions of
 // a kind are far off, sigma is that of all and typical that of the others: c_obj is of the latter.
+// With c_obj_gain it is (9) instead, snr c_obj_gain / 2**ObjectGainFraction.
 //
 // One multiplier and one divider, one operation at a time; every product is brought down by
 // Fraction bits, to nearest, half up.
@@ -50,6 +51,7 @@ module triangulate #(
   input  wire logic                                        saturated_i,
   input  wire logic        [   vrscan_pkg::SigmaWidth-1:0] sigma_i,
   input  wire logic        [   vrscan_pkg::SigmaWidth-1:0] typical_i,
+  input  wire logic        [     vrscan_pkg::SnrWidth-1:0] snr_i,
   input  wire logic signed [   vrscan_pkg::AngleWidth-1:0] angle_i,
   input  wire logic        [                UserWidth-1:0] user_i,
 
@@ -99,6 +101,7 @@ module triangulate #(
   // A share of z comes in steps of 2**-ShareFraction sigma_z.
   localparam int unsigned ShareFraction  = 6;
   localparam int unsigned ToleranceAlign = Fraction + ShareFraction - vrscan_pkg::ToleranceFraction;
+  localparam int unsigned GainAlign = Fraction - vrscan_pkg::ObjectGainFraction;
 
   typedef enum logic [4:0] {
     NUMERATOR, RAY_COSINE, RAY_SINE, DIVISOR_COSINE, DIVISOR_SINE, RANGE,
@@ -120,6 +123,7 @@ module triangulate #(
   logic signed [             OffsetWidth-1:0] offset_q;
   logic signed [  vrscan_pkg::SlopeWidth-1:0] slope_q;
   logic        [  vrscan_pkg::SigmaWidth-1:0] sigma_q, typical_q;
+  logic        [    vrscan_pkg::SnrWidth-1:0] snr_q;
   logic signed [  vrscan_pkg::AngleWidth-1:0] angle_q;
   logic        [               UserWidth-1:0] user_i_q, user_q;
   logic                                       measured_q, saturated_q;
@@ -165,6 +169,7 @@ module triangulate #(
     .cosine_o(cosine)
   );
 
+  logic by_snr_q;  // c_obj is (9)
   logic signed [ FactorWidth-1:0] a;
   logic signed [RoundedWidth-1:0] b;
   always_comb begin
@@ -173,7 +178,8 @@ module triangulate #(
       DIVISOR_SINE, RATE_SINE, CROSS_X: a = FactorWidth'(sine);
       SPREAD:                           a = signed'(FactorWidth'(typical_q)) <<< SigmaAlign;
       WHOLE_SPREAD:                     a = signed'(FactorWidth'(sigma_q)) <<< SigmaAlign;
-      GRADIENT, TOLERANCE:              a = FactorWidth'(z_q);
+      GRADIENT:                         a = FactorWidth'(z_q);
+      TOLERANCE:                        a = by_snr_q ? FactorWidth'(snr_q) : FactorWidth'(z_q);
       SCALE, WHOLE_SCALE:               a = FactorWidth'(gradient_q) <<< GradientSpare;
       default:                          a = FactorWidth'(cosine);
     endcase
@@ -186,7 +192,10 @@ module triangulate #(
       SPREAD, WHOLE_SPREAD:    b = RoundedWidth'(slope_q) <<< SlopeAlign;
       GRADIENT:                b = rate_q;
       SCALE, WHOLE_SCALE:      b = signed'(RoundedWidth'(spread_q));
-      TOLERANCE:               b = signed'(RoundedWidth'(geometry_i.tolerance)) <<< ToleranceAlign;
+      TOLERANCE: begin
+        b = by_snr_q ? signed'(RoundedWidth'(geometry_i.c_obj_gain)) <<< GainAlign
+                     : signed'(RoundedWidth'(geometry_i.tolerance)) <<< ToleranceAlign;
+      end
       default:                 b = signed'(RoundedWidth'(quotient));
     endcase
   end
@@ -217,7 +226,8 @@ module triangulate #(
       SHARE:   dividend = DividendWidth'(scale_q);
       default: dividend = DividendWidth'(scale_q) << (vrscan_pkg::RayFraction - PixelBits);
     endcase
-    divisor = step_q == SHARE ? DivisorWidth'(sigma_z_q) : divisor_q[DivisorWidth-1:0];
+    divisor = divisor_q[DivisorWidth-1:0];
+    if (step_q == SHARE) divisor = by_snr_q ? DivisorWidth'(1) : DivisorWidth'(sigma_z_q);
   end
 
   divide #(
@@ -255,15 +265,16 @@ module triangulate #(
   assign sigma_z = |quotient[RangeWidth-1:vrscan_pkg::SigmaWidth]
                    ? '1 : quotient[vrscan_pkg::SigmaWidth-1:0];
 
-  // From the 255th step on, 4 sigma_z, it is 1.
+  // From the 255th step on, 4 sigma_z, it is 1; by the S/N it is the share itself.
   logic [                           7:0] share, share_q;
-  logic [vrscan_pkg::ConfidenceWidth-1:0] c_obj;
+  logic [vrscan_pkg::ConfidenceWidth-1:0] by_tolerance, c_obj;
   assign share = |quotient[RangeWidth-1:8] ? '1 : quotient[7:0];
   triangulate_rom u_triangulate_rom (
     .clk_i,
     .confidence_index_i(share_q),
-    .confidence_entry_o(c_obj)
+    .confidence_entry_o(by_tolerance)
   );
+  assign c_obj = by_snr_q ? share_q : by_tolerance;
 
   assign accept = valid_i && !busy_q;
   logic full, drop;
@@ -376,6 +387,7 @@ module triangulate #(
     done_q    <= done;
     // x_q and z_q stand long before done_q.
     in_range_q <= measured_q && !no_range_q && !saturated_q && x_fits && z_fits;
+    by_snr_q   <= geometry_i.c_obj_gain != '0;
 
     if (accept) begin
       busy_q      <= 1'b1;
@@ -383,6 +395,7 @@ module triangulate #(
       slope_q     <= slope_i;
       sigma_q     <= sigma_i;
       typical_q   <= typical_i;
+      snr_q       <= snr_i;
       angle_q     <= angle_i;
       measured_q  <= measured_i;
       saturated_q <= saturated_i;

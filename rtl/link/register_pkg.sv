@@ -55,6 +55,7 @@ package register_pkg;
     logic signed [31:0] e1;
     logic [15:0] tolerance;
     logic [3:0] length_unit;
+    logic [20:0] c_obj_gain;
   } geometry_t;
 
   // Counters of lines and points that were lost.
@@ -435,6 +436,7 @@ package register_pkg;
   localparam logic [31:0] ResetE1 = 32'h51b9098;
   localparam logic [15:0] ResetTolerance = 16'h4189;
   localparam logic [3:0] ResetLengthUnit = 4'h1;
+  localparam logic [20:0] ResetCObjGain = 21'h0;
   localparam logic [23:0] ResetFreeBegin = 24'hf0b17e;
   localparam logic [3:0] ResetFreeShift = 4'h4;
   localparam logic ResetMirrorEnable = 1'h0;

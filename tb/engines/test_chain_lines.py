@@ -79,6 +79,7 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
             "kappa": word(pkg.KAPPA_WIDTH),
             "tolerance": word(pkg.TOLERANCE_WIDTH),
             "c_sfm_gain": word(pkg.GAIN_WIDTH),
+            "c_obj_gain": word(pkg.OBJECT_GAIN_WIDTH) * int(draw.integers(2)),
             "k1": word(22) - word(22),
             "k2": word(24) - word(24),
             "centre": registers.centre + word(26) - word(26),

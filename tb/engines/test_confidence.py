@@ -186,6 +186,19 @@ def test_a_confidence_is_a_share(config: Config, scenes: tuple[str, ...]) -> Non
     )
 
 
+@pytest.mark.parametrize("engine", [Engine.IDEAL, Engine.FIXED])
+def test_a_confidence_as_printed_is_a_share_of_the_snr(engine: Engine) -> None:
+    geometry = Config().geometry.model_copy(update={"confidence": "printed", "snr_max": 200.0})
+    config = Config(geometry=geometry)
+    described = load("step")
+    lines = simulate(Light(described, config), 600, frozenset(present(described))).lines
+    found = run(engine, lines, config)
+    there, mixed = found.located, found.located & found.flags["MIXED"]
+    want = np.minimum(found.snr / 200.0, 1.0)
+    assert mixed.sum() > 2 and np.mean(want[there] < 1.0) > 0.01
+    assert np.abs(found.c_obj - want)[there].max() < 0.51 / 255 and not found.c_obj[~there].any()
+
+
 # The bolt's thread is finer than the spot: a point follows it by a part only, and no line tells.
 FINER_THAN_THE_SPOT = {"bolt"}
 

@@ -51,7 +51,7 @@ OUTPUTS = {
     "lost_o": False,
     "user_o": False,
 }
-CONSTANTS = ["n0", "n1", "d0", "d1", "e0", "e1", "tolerance"]
+CONSTANTS = ["n0", "n1", "d0", "d1", "e0", "e1", "tolerance", "c_obj_gain"]
 MM = 2.0**-pkg.LENGTH_FRACTION
 SIGMA = 2.0**-pkg.SIGMA_FRACTION
 LENGTH_END = 1 << (pkg.LENGTH_WIDTH - 1)
@@ -67,6 +67,8 @@ def instrument(draw: np.random.Generator) -> Geometry:
         bias_deg=draw.uniform(60, 110),
         offset_mm=draw.uniform(-50, 50),
         focal_mm=draw.uniform(12, 50),
+        confidence=("tolerance", "printed")[int(draw.integers(2))],
+        snr_max=draw.uniform(1, 255),
     )
 
 
@@ -96,13 +98,16 @@ def operands(widths: dict[str, int], count: int) -> Columns:
         "angle_i": draw.choice([-turn // 2, -turn // 4, -1, 0, 1, turn // 4, turn // 2 - 1], count),
     }
     corners |= {f"{name}_i": ends(-end, end) for name in CONSTANTS[:6]}
+    corners["snr_i"] = ends(0, 1 << pkg.SNR_WIDTH)
     corners["tolerance_i"] = ends(0, 1 << pkg.TOLERANCE_WIDTH)
+    corners["c_obj_gain_i"] = ends(0, 1 << pkg.OBJECT_GAIN_WIDTH)
 
     seen: Columns = {
         "offset_i": draw.integers(-offset_end // 4, offset_end // 4, count),
         "slope_i": draw.integers(62_000, 69_000, count),
         "sigma_i": draw.integers(0, 1 << 12, count) >> draw.integers(0, 12, count),
         "typical_i": draw.integers(0, 1 << 12, count) >> draw.integers(0, 12, count),
+        "snr_i": draw.integers(0, 1 << pkg.SNR_WIDTH, count),
         "angle_i": draw.integers(-turn // 14, turn // 14, count),
     }
     instruments = [constants_of(instrument(draw)) for _ in range(8)]
@@ -116,6 +121,7 @@ def operands(widths: dict[str, int], count: int) -> Columns:
         "slope_i": draw.integers(-slope_end, slope_end, count),
         "sigma_i": draw.integers(0, SIGMA_MAX + 1, count),
         "typical_i": draw.integers(0, SIGMA_MAX + 1, count),
+        "snr_i": draw.integers(0, 1 << pkg.SNR_WIDTH, count) >> draw.integers(0, 16, count),
         "angle_i": draw.integers(-turn // 2, turn // 2, count),
     }
     anything |= {
@@ -123,6 +129,8 @@ def operands(widths: dict[str, int], count: int) -> Columns:
         for name in CONSTANTS[:6]
     }
     anything["tolerance_i"] = draw.integers(0, 1 << pkg.TOLERANCE_WIDTH, count)
+    gain = draw.integers(0, 1 << pkg.OBJECT_GAIN_WIDTH, count)
+    anything["c_obj_gain_i"] = gain * draw.integers(0, 2, count)
     given = {name: np.concatenate([corners[name], seen[name], anything[name]]) for name in corners}
     given["measured_i"] = (draw.random(3 * count) < 0.9).astype(np.int64)
     given["saturated_i"] = (draw.random(3 * count) < 0.1).astype(np.int64)
@@ -152,6 +160,7 @@ def evaluate(line_length: int, given: Columns) -> Triangulated:
         given["sigma_i"],
         given["angle_i"],
         typical=given["typical_i"],
+        snr=given["snr_i"],
         measured=given["measured_i"] != 0,
         saturated=given["saturated_i"] != 0,
         **{name: given[f"{name}_i"] for name in CONSTANTS},
@@ -584,6 +593,31 @@ def test_sigma_scales_and_saturates() -> None:
             1.0, 0.005 * SIGMA_MAX
         )
         assert np.all(np.diff(result.sigma_z) >= 0)
+
+
+@pytest.mark.parametrize("snr_max", [1.0, 7.3, 255.9])
+def test_confidence_is_a_share_of_the_snr_as_printed(snr_max: float) -> None:
+    """c_obj is (9) where that is asked for, whatever the sigma; 0 without a point."""
+    snr = np.arange(1 << pkg.SNR_WIDTH)
+    draw = generator(78)
+    constants = constants_of(Geometry(confidence="printed", snr_max=snr_max))
+    result = triangulate(
+        draw.integers(-1400 << 20, 1400 << 20, len(snr)),
+        np.full_like(snr, 1 << 16),
+        draw.integers(0, 1 << 16, len(snr)),
+        draw.integers(0, 1 << 19, len(snr)),
+        snr=snr,
+        **{name: constants[f"{name}_i"] for name in CONSTANTS},
+        line_length=SHIPPED,
+    )
+    found = ~(result.no_range | result.out_of_range)
+    assert 0.1 < found.mean() < 1.0 and not result.c_obj[~found].any()
+    share = np.minimum(snr * 2.0**-pkg.SNR_FRACTION / snr_max, 1.0)
+    # Half a step of c_obj, and half the gain's last bit times the largest S/N.
+    allowed = 0.5 / 255 + 0.5 * 2.0 ** (pkg.SNR_WIDTH - pkg.OBJECT_GAIN_FRACTION) / 255
+    error = np.abs(result.c_obj / 255 - share)[found].max()
+    print(f"c_obj: measured {error:.5f} / predicted {allowed:.5f} / floor {0.5 / 255:.5f}")
+    assert error <= allowed
 
 
 def test_confidence_is_a_gaussian_s_share() -> None:

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from vrscan.ideal.confidence import free_confidence, object_confidence, signal_to_noise
+from vrscan.ideal.confidence import (
+    free_confidence,
+    object_confidence,
+    printed_confidence,
+    signal_to_noise,
+)
 from vrscan.ideal.position import first_harmonic, windows
 
 SEED = 20100301
@@ -102,5 +107,7 @@ def test_confidences() -> None:
     z, sigma_z = np.array([500.0, 500.0, 250.0, 500.0]), np.array([0.5, 0.0, 0.25 / 1.96, 0.5])
     found = object_confidence(z, sigma_z, valid, tolerance=0.001)
     assert found == pytest.approx([0.682689, 1.0, 0.95, 0.0], abs=1e-5)
+    snr = np.array([5.0, np.inf, 20.0, 30.0])
+    assert printed_confidence(snr, valid, snr_max=20.0).tolist() == [0.25, 1.0, 1.0, 0.0]
     power = np.array([100, 100, 100, 50])
     assert free_confidence(power, ~valid, power_max=100).tolist() == [0.0, 0.0, 0.0, 0.5]

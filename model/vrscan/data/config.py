@@ -189,6 +189,10 @@ class Geometry(Section):
     """Whether (5) moves both sides of the image outwards, or both one way."""
     tolerance: float = Field(default=0.001, gt=0, lt=2**-8)
     """C_obj is the probability that a point errs by less than this share of its z."""
+    confidence: Literal["tolerance", "printed"] = "tolerance"
+    """Whether C_obj is that probability, or snr / snr_max as (9) is printed."""
+    snr_max: float = Field(default=255.0, ge=1, lt=256)
+    """S/N at which the printed C_obj is 1."""
     unit_mm: Annotated[Literal[1, 2, 4, 8], NUMBER] = 1
     """What the chain counts lengths in: x and z end at 2048 of it, in steps of 1/4096 of it."""
 

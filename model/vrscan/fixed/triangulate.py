@@ -73,7 +73,7 @@ class Triangulated:
         z: mm, 12 fraction bits.
         sigma_z: Standard deviation of z, mm, 12 fraction bits, saturating; its largest value with
             no_range or out_of_range.
-        c_obj: Probability that z errs by less than the tolerance; 255 is 1.
+        c_obj: Probability that z errs by less than the tolerance, or (9); 255 is 1.
         no_range: Whether the rays are parallel, or meet behind mirror or camera, or 4096 mm or more
             away.
         out_of_range: Whether x or z does not fit in its format, or the offset had not.
@@ -114,6 +114,8 @@ def triangulate(
     e0: Ints | int,
     e1: Ints | int,
     tolerance: Ints | int,
+    snr: Ints | int = 0,
+    c_obj_gain: Ints | int = 0,
     line_length: int,
 ) -> Triangulated:
     """Return where laser ray and line of sight meet, exactly as the hardware rounds it.
@@ -136,6 +138,8 @@ def triangulate(
         e0: Factor of sin a in d.
         e1: Factor of s sin a in d.
         tolerance: Share of z, 24 fraction bits, u16.
+        snr: Signal-to-noise ratio, 8 fraction bits, u16.
+        c_obj_gain: Where it is not 0, c_obj is snr * c_obj_gain, 20 fraction bits, u21: (9).
         line_length: ``LineLength`` of the module.
     """
     pixel_bits = (line_length - 1).bit_length()
@@ -181,7 +185,11 @@ def triangulate(
     align = FRACTION + SHARE_FRACTION - pkg.TOLERANCE_FRACTION
     allowed = np.abs(_scaled(z, np.asarray(tolerance, np.int64) << align))
     share, _ = divide(allowed, typical_z, quotient_width=RANGE_WIDTH)
-    c_obj = confidences()[np.minimum(share, (1 << SHARE_BITS) - 1)]
+    gain = np.asarray(c_obj_gain, np.int64)
+    object_align = FRACTION - pkg.OBJECT_GAIN_FRACTION
+    share = np.where(gain == 0, share, _scaled(np.asarray(snr, np.int64), gain << object_align))
+    share = np.minimum(share, (1 << SHARE_BITS) - 1)
+    c_obj = np.where(gain == 0, confidences()[share], share)
 
     limit = 1 << (pkg.LENGTH_WIDTH - 1)
     fits = (x >= -limit) & (x < limit) & (z >= -limit) & (z < limit)

@@ -394,8 +394,11 @@ def _located(
         e0=r.e0,
         e1=r.e1,
         tolerance=r.tolerance,
+        snr=points.snr,
+        c_obj_gain=r.c_obj_gain,
         line_length=r.line_length,
     )
+    half = (flags >> pkg.FLAG_MIXED & 1) if r.c_obj_gain == 0 else 0
     flags = flags | place.no_range.astype(np.int64) << pkg.FLAG_NO_RANGE
     flags = flags | place.out_of_range.astype(np.int64) << pkg.FLAG_OUT_OF_RANGE
     return replace(
@@ -406,7 +409,7 @@ def _located(
         x=place.x,
         z=place.z,
         sigma_z=place.sigma_z,
-        c_obj=place.c_obj >> (flags >> pkg.FLAG_MIXED & 1),
+        c_obj=place.c_obj >> half,
     )
 
 

@@ -118,8 +118,13 @@ def _located(
     beyond = np.maximum(np.abs(located.x), np.abs(located.z)) >= config.geometry.range_mm
     flags["OUT_OF_RANGE"] = measured & beyond & ~flags["NO_RANGE"]
     there = measured & ~(flags["NO_RANGE"] | flags["OUT_OF_RANGE"])
-    tolerance = config.geometry.tolerance
-    c_obj = confidence.object_confidence(located.z, typical_z, there, tolerance=tolerance)
+    wanted = config.geometry
+    if wanted.confidence == "printed":
+        c_obj = confidence.printed_confidence(points.snr, there, snr_max=wanted.snr_max)
+    else:
+        tolerance = wanted.tolerance
+        c_obj = confidence.object_confidence(located.z, typical_z, there, tolerance=tolerance)
+        c_obj = np.where(flags["MIXED"], 0.5, 1.0) * c_obj
     return replace(
         points,
         flags=flags,
@@ -128,7 +133,7 @@ def _located(
         x_mm=np.where(there, located.x, 0.0),
         z_mm=np.where(there, located.z, 0.0),
         sigma_z_mm=np.minimum(sigma_z, SIGMA_MOST * config.geometry.unit_mm),
-        c_obj=np.where(flags["MIXED"], 0.5, 1.0) * c_obj,
+        c_obj=c_obj,
         located=there,
     )
 

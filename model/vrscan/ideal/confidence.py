@@ -27,8 +27,9 @@ def signal_to_noise(maximum: Ints, background: Floats, noise: Floats) -> Floats:
 def object_confidence(z: Floats, sigma_z: Floats, valid: Bools, *, tolerance: float) -> Floats:
     """Return C_obj, the probability that z errs by less than a share of itself [n].
 
-    C_obj of VR-SCAN (9) is the share of an S/N that somebody has to choose. This one is what the
-    Gaussian of sigma_z has within ``tolerance * z``, and 0 where there is no point.
+    C_obj of VR-SCAN (9) is the share of an S/N that somebody has to choose, ``printed_confidence``.
+    This one is what the Gaussian of sigma_z has within ``tolerance * z``, and 0 where there is no
+    point.
 
     Args:
         z: mm [n].
@@ -39,6 +40,17 @@ def object_confidence(z: Floats, sigma_z: Floats, valid: Bools, *, tolerance: fl
     with np.errstate(divide="ignore", invalid="ignore"):
         sigmas = tolerance * np.abs(z) / sigma_z
     return np.where(valid, _erf(np.nan_to_num(sigmas) / np.sqrt(2.0)), 0.0)
+
+
+def printed_confidence(snr: Floats, valid: Bools, *, snr_max: float) -> Floats:
+    """Return C_obj = snr / snr_max of VR-SCAN (9), at most 1, and 0 where there is no point [n].
+
+    Args:
+        snr: Signal-to-noise ratio [n].
+        valid: Whether there is a point [n].
+        snr_max: S/N at which the confidence is 1.
+    """
+    return np.where(valid, np.minimum(snr / snr_max, 1.0), 0.0)
 
 
 def free_confidence(power: Ints, clear: Bools, *, power_max: int) -> Floats:

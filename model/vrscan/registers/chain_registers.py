@@ -96,6 +96,7 @@ class Registers(Settings):
     e0: int
     e1: int
     tolerance: int  # u16, 24 fraction bits: share of z that a point may err
+    c_obj_gain: int  # u21, 20 fraction bits: c_obj = snr * gain; 0: by tolerance
     length_unit: int  # mm, of n0, n1, the table of free space and every point
     free_begin: int  # s24, turns
     free_shift: int
@@ -170,6 +171,14 @@ class Registers(Settings):
                 geometry.tolerance,
                 pkg.TOLERANCE_WIDTH,
                 pkg.TOLERANCE_FRACTION,
+            ),
+            c_obj_gain=0
+            if geometry.confidence == "tolerance"
+            else unsigned(
+                "geometry.snr_max",
+                CONFIDENCE_ONE * 2.0**-pkg.SNR_FRACTION / geometry.snr_max,
+                pkg.OBJECT_GAIN_WIDTH,
+                pkg.OBJECT_GAIN_FRACTION,
             ),
             length_unit=geometry.unit_mm,
             free_begin=free_begin,

@@ -98,14 +98,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x53CDF354
+MAP_HASH = 0x0B1A6568
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x53CDF354),
+         "hash of the parts of this map that a host must know", reset=0x0B1A6568),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -183,6 +183,9 @@ _REGISTERS = (
     _one("geometry", 0x02C, "length_unit", 4, "rw",
          "what x, z, their deviation, free space and every length of a register are counted in; "
          "for the host", lock="lock_calibration", reset=1, unit="mm", low=1, commit=True),
+    _one("geometry", 0x02D, "c_obj_gain", 21, "rw",
+         "gain of the confidence in an object: c_obj = snr * gain / 2**20; 0: c_obj is by "
+         "tolerance", lock="lock_calibration", commit=True),
     _one("chain", 0x030, "short_count", 16, "counter", "number of lines with too few pixels"),
     _one("chain", 0x031, "long_count", 16, "counter", "number of lines with too many pixels"),
     _one("chain", 0x032, "unfinished_count", 16, "counter",

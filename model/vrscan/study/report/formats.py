@@ -48,6 +48,8 @@ def words() -> str:
         ("kappa", f"u{pkg.KAPPA_WIDTH}", "28 - P", "counts per electron", "register"),
         ("c_sfm_gain", f"u{pkg.GAIN_WIDTH}", pkg.GAIN_FRACTION, "-", "255 / power_max; register"),
         ("tolerance", f"u{pkg.TOLERANCE_WIDTH}", pkg.TOLERANCE_FRACTION, "z", "register"),
+        ("c_obj_gain", f"u{pkg.OBJECT_GAIN_WIDTH}", pkg.OBJECT_GAIN_FRACTION, "-",
+         "255 / 256 / snr_max; register; 0: by tolerance"),
         ("centre", f"s(b + {pkg.OFFSET_FRACTION + 1})", pkg.OFFSET_FRACTION, "px", "register"),
         ("k1 R^2, k2 R^4", f"s{pkg.DISTORTION_WIDTH}", pkg.DISTORTION_FRACTION, "1",
          "R = 2^b px; registers"),
