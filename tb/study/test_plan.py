@@ -28,7 +28,9 @@ from vrscan.study.plan import (
     LEAST_LINES,
     PARTS,
     Plan,
+    _Trial,
     alike,
+    dearest,
     judged,
     plan,
     survey,
@@ -139,6 +141,32 @@ def test_a_plan_does_not_depend_on_how_long_things_take(monkeypatch: pytest.Monk
     assert [p.microseconds for p in found.predictions] != [
         p.microseconds for p in wanted.predictions
     ]
+
+
+def test_effects_that_cost_the_same_are_tried_in_one_order() -> None:
+    """A set has its names in another order in each process, and the choice follows the order."""
+    wanted = sorted(EFFECTS, key=lambda name: -EFFECTS[name].typical_us)
+    assert dearest(frozenset(EFFECTS)) == wanted
+    assert dearest(["rays", *wanted[::-2]]) == [name for name in wanted if name in wanted[::-2]]
+
+
+def test_lines_of_one_place_are_one_observation() -> None:
+    """A survey's lines that move far count more where they are all of one edge."""
+    light = _light("default")
+    seen = survey(light, LONG)
+    trial = _Trial(light, LONG, seen, 0.01, frozenset())
+    size = np.bincount(seen.part, minlength=len(PARTS)).astype(np.float64)
+    near = np.flatnonzero(seen.part == 0)
+    moved = near[: len(near) // 10]
+    spent = np.zeros((2, len(seen.part)))
+    spent[0, moved] = 0.6 * 0.01**2 * size[0] / len(moved)
+    apart, together = np.arange(len(spent[0])), np.zeros(len(spent[0]), np.int64)
+    assert not trial._exceeds(spent, seen.part, apart, size)
+    assert trial._exceeds(spent, seen.part, together, size)
+    # A place has 80 lines at most, in one block, one after the other.
+    for k in range(seen.place.max() + 1):
+        lines = seen.numbers[seen.place == k]
+        assert np.ptp(lines) < 80 and np.ptp(lines // BLOCK) == 0
 
 
 def test_a_table_made_at_first_use_is_no_effects_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,7 +48,8 @@ PARTS = (*ZONES, "hidden")  # parts of the survey; hidden: lines whose spot the 
 JUMP_PX = 3.0
 LEAST_LINES = 16_384  # a scan of fewer lines takes less time in full than choosing
 _SURVEY = 4  # blocks in which the survey looks for its lines
-_PANNED = 24, 80  # blocks, and consecutive lines of each, where the scanner pans
+_PLACE = 80  # consecutive lines whose changes are one observation: they may be one edge's
+_PANNED = 24, _PLACE  # blocks, and consecutive lines of each, where the scanner pans
 _PER_ZONE = 340, 1280  # least and largest number of survey lines, if there are that many
 _SHARE = 100  # lines of the scan per line of the survey, in between
 _HIDDEN = 4  # there are this many times fewer lines with a hidden spot
@@ -128,6 +129,7 @@ class Survey:
     numbers: Ints  # numbers of the lines [n]
     part: Ints  # part of each line, an index into ``PARTS`` [n]
     rank: Ints  # rising index of a line within its part [n]
+    place: Ints  # index of the place of a line, of ``_PLACE`` lines at most [n]
     distance_mm: Floats  # mean z of the zones [3]
 
     def first(self, per_part: int) -> int:
@@ -287,7 +289,9 @@ def survey(light: Light, count: int) -> Survey:
     rank = np.concatenate([np.arange(len(group)) for group in drawn])
     order = np.lexsort((part, rank))
     chosen_lines = number[np.concatenate(drawn)]
-    return Survey(chosen_lines[order], part[order], rank[order], np.array(distance))
+    run = chosen_lines // BLOCK * BLOCK + chosen_lines % BLOCK // _PLACE
+    _, place = np.unique(run[order], return_inverse=True)
+    return Survey(chosen_lines[order], part[order], rank[order], place, np.array(distance))
 
 
 class _Trial:
@@ -353,15 +357,16 @@ class _Trial:
         """Return the change by the other effects on the first lines, or None once it is too large.
 
         For each zone the mean square of the changes, plus ``_SIGMAS`` standard errors of that mean,
-        has to be below the tolerance's square. So a few lines that move far weigh more.
+        has to be below the tolerance's square, so a few lines that move far weigh more. Errors are
+        those of places, because all lines of a place may be of one edge.
         """
         full, effects = alike(self.full, effects)
-        part = self.seen.part[:lines]
+        part, place = self.seen.part[:lines], self.seen.place[:lines]
         size = np.bincount(part, minlength=len(PARTS)).astype(np.float64)
         if full in self._worst:
             rows, reference = self._worst[full]
             spent = _spent(reference, self.points(rows, effects), self.light.belief)
-            if self._exceeds(spent, self.seen.part[rows], size):
+            if self._exceeds(spent, self.seen.part[rows], self.seen.place[rows], size):
                 return None
         pairs: list[tuple[Table, Table]] = []
         spent = np.zeros((2, 0))
@@ -369,12 +374,12 @@ class _Trial:
             done = int(rows[-1]) + 1
             pairs.append((self._reference(rows, full), self.points(rows, effects)))
             spent = np.append(spent, _spent(*pairs[-1], self.light.belief), axis=1)
-            if done == lines or self._exceeds(spent, part[:done], size, done / lines):
+            if done == lines or self._exceeds(spent, part[:done], place[:done], size, done / lines):
                 break
         first, second = (Table.joined(each) for each in zip(*pairs, strict=True))
         both = first.located & second.located
         if done == lines and not self._exceeds(
-            spent, part, size, kept=np.bincount(part, both, len(PARTS)).astype(np.float64)
+            spent, part, place, size, kept=np.bincount(part, both, len(PARTS)).astype(np.float64)
         ):
             return difference(first, second, part, self.light)
         if len(pairs) > 1:
@@ -388,6 +393,7 @@ class _Trial:
         self,
         spent: Floats,
         part: Ints,
+        place: Ints,
         size: Floats,
         share: float = 1.0,
         kept: Floats | None = None,
@@ -397,21 +403,27 @@ class _Trial:
         Args:
             spent: Changes of the lines, from ``_spent`` [2, n].
             part: Part of each line [n].
+            place: Place of each line [n].
             size: Number of lines of each part [4].
             share: Share of all lines that these are; they may use up the square root of that share
                 of the sum that all squares may have.
             kept: Number of lines of each part that have both points [4]; ``size`` if None.
         """
-        square, fourth, other = (
-            np.bincount(part, values, len(PARTS))
-            for values in (spent[0], np.square(spent[0]), spent[1])
-        )
+        square, other = (np.bincount(part, values, len(PARTS)) for values in spent)
+        places = np.bincount(len(PARTS) * place + part, spent[0])
+        fourth = np.bincount(np.arange(len(places)) % len(PARTS), np.square(places), len(PARTS))
         room = np.square(self.tolerance_px) * (size if kept is None else kept)
         over = square + _SIGMAS * np.sqrt(fourth) > room
         over |= square > np.sqrt(share) * room
         return bool(
             over[: len(ZONES)].any() or (other > np.maximum(_MOST_CHANGED * size, 1.0)).any()
         )
+
+
+def dearest(names: Iterable[str]) -> list[str]:
+    """Return the effects among some names, the most expensive first, in one order for ever."""
+    some = frozenset(names)
+    return sorted((e for e in EFFECTS if e in some), key=lambda name: -EFFECTS[name].typical_us)
 
 
 def alike(full: frozenset[str], effects: frozenset[str]) -> tuple[frozenset[str], frozenset[str]]:
@@ -529,7 +541,7 @@ def _auto(
         state = full - {_GRAIN}
         kept.append((state, found))
     stay = _GRAINED & state if _GRAIN in state else frozenset({_GRAIN})
-    dear = sorted((full & EFFECTS.keys()) - stay, key=lambda name: -EFFECTS[name].typical_us)
+    dear = dearest(full - stay)
     everywhere = [name for name in dear if name in WHOLE_LINE]
     others = [name for name in dear if name not in WHOLE_LINE and name != _DETAIL]
     others = [name for name in others if EFFECTS[name].typical_us > 0.0]
