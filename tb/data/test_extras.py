@@ -5,10 +5,12 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.specifiers import SpecifierSet
 
 from vrscan.data.errors import InputError
 from vrscan.data.extras import BRINGS, MissingError, install, named
@@ -131,3 +133,8 @@ def test_every_library_is_in_the_extra_that_is_named_and_has_its_version_pinned(
     wanted = {*project["dependencies"], *(name for names in extras.values() for name in names)}
     assert project["dependencies"] == ["numpy", "pydantic"]
     assert {name.lower() for name in wanted if not name.startswith("vrscan[")} <= known
+
+
+def test_every_pinned_version_takes_the_python_of_debian_12() -> None:
+    wanted = {one.name: one.metadata["Requires-Python"] for one in metadata.distributions()}
+    assert not {n for n, python in wanted.items() if "3.11.2" not in SpecifierSet(python or "")}

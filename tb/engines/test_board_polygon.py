@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from harness import in_volume
 from rich.console import Console
 
 from vrscan.data import pkg
@@ -111,7 +112,7 @@ def test_a_polygon_is_scanned_measured_and_dark_when_it_stands(tmp_path: Path) -
     assert status.lines_outside < 1.5 * CONFIG.line.rate_hz / CONFIG.mirror.frequency_hz
 
 
-@pytest.mark.parametrize("rest_deg", [-1.1, 0.0, 1.2])
+@pytest.mark.parametrize("rest_deg", [in_volume(-1.1), in_volume(0.0), 1.2])
 def test_no_host_lights_a_polygon_that_rests_on_its_diode(rest_deg: float, tmp_path: Path) -> None:
     """At the diode's edge start-up light is below the threshold, and each pulse above it.
 
