@@ -173,7 +173,7 @@ module vrscan_chain #(
   ) u_peak_isolate (
     .clk_i, .rst_i, .peak_i,
     .valid_i(counted), .maximum_i(maximum), .max_index_i(max_index), .background_i(background),
-    .noise_i(noise), .spread_i(spread), .user_i(row),
+    .noise_i(noise), .spread_i(spread), .row_statistics_i(row_statistics), .user_i(row),
     .replay_o(replay), .pixel_valid_i(replayed), .pixel_i(replay_pixel), .index_i(replay_index),
     .last_i(replay_last),
     .valid_o(found), .measured_o(found_measured), .left_o(left), .right_o(right), .width_o(width),

@@ -211,6 +211,11 @@ FAULTS = [
             "{CountShift{1'b0}}}) > compare_core",
             "{CountShift{1'b0}}}) >= compare_core",
         ),
+        ("gaps are lit", "lit_q + WindowWidth'(above_q)", "lit_q + WindowWidth'(1)"),
+        ("clipped noise", "(thrice_q) << raise_q[4:1]", "(thrice_q)"),
+        ("isolated pixels are a spot", "<= enough && pair;", "<= enough;"),
+        ("the row's noise is raised", "raise == '0 || row_q) r", "raise == '0) r"),
+        ("dark without a floor", "= background_q == '0 ? CountWidth'(OneCount) :", "="),
         ("the smaller term", "spread_term_q > TermWidth'", "spread_term_q < TermWidth'"),
         ("the paper's threshold is limited", "!peak_i.noise_row && spread_term", "spread_term"),
         ("a broad core is clear", "!broad_q && rivals_q", "rivals_q"),
@@ -245,8 +250,8 @@ FAULTS = [
         ),
         (
             "least width is too narrow",
-            "(found_width_q) < WiderWidth'(min",
-            "(found_width_q) <= WiderWidth'(min",
+            "(above_q && lit_q == below_min_q)",
+            "(above_q && lit_q == min_width_q)",
         ),
         (
             "largest width is too wide",

@@ -17,7 +17,13 @@
 // wall's texture, its edges and its lamps look like that.  A broad one is TOO_WIDE unless it is
 // saturated.  Where a fit follows, runs at most MostGap pixels apart are one: out of focus, coarse
 // speckle breaks a spot up.  At the core level the width of such a one is without the gaps, and one
-// of its parts has to be min_width wide.
+// of its parts has to be min_width wide.  Of a window min_width pixels have to be above, two of them
+// side by side, so two hot pixels are no spot.
+//
+// Where black is clipped only the tail of the noise is seen, whose sigma is about its variance over
+// its mean.  So noise above the background, but for a row's, is multiplied by 1.4 times their ratio, in half powers of
+// two, before the S/N is judged by it, and it is 5/16 of a count at least; a count where no other
+// pixel is lit.
 //
 //   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
 //   noise_o                   what the peak is judged by
@@ -48,6 +54,7 @@ module peak_isolate #(
   input  wire logic [ vrscan_pkg::CountWidth-1:0] background_i,
   input  wire logic [ vrscan_pkg::CountWidth-1:0] noise_i,
   input  wire logic [ vrscan_pkg::CountWidth-1:0] spread_i,
+  input  wire logic                               row_statistics_i,
   input  wire logic [              UserWidth-1:0] user_i,
 
   // The line, from line_buffer.
@@ -90,6 +97,10 @@ module peak_isolate #(
   localparam int unsigned RivalWidth  = $clog2(MostRivals + 2);
   localparam int unsigned MostGap     = 4;  // pixels between two parts of a run
   localparam int unsigned GapWidth    = $clog2(MostGap + 1);
+  localparam int unsigned MostRaised  = 15;  // powers of two by which clipping may hide the noise
+  localparam int unsigned RaisedWidth = CountWidth + 1 + MostRaised;
+  localparam int unsigned BitWidth    = $clog2(CountWidth);
+  localparam int unsigned OneCount    = 1 << CountShift;
 
   // ---- limits that registers cannot leave ----
   logic [WindowWidth-1:0] min_width_q, below_min_q, max_width_q, max_core_q;
@@ -121,6 +132,7 @@ module peak_isolate #(
   logic        [  PixelWidth-1:0] maximum_q;
   logic        [  IndexWidth-1:0] max_index_q;
   logic        [  CountWidth-1:0] background_q, noise_q, spread_q;
+  logic                           row_q;  // the noise has the peak in it
   logic        [   UserWidth-1:0] user_q;
 
   multiply #(.AWidth(CountWidth + 1), .BWidth(17)) u_multiply (
@@ -149,6 +161,33 @@ module peak_isolate #(
   assign core_height  = TermWidth'(height_q) >> CoreShift;
   assign height_limit = TermWidth'(height_q) << vrscan_pkg::SnrFraction;
 
+  // Twice the logarithm to base 2, rounded down: the place of the highest bit and the next bit.
+  function automatic logic [BitWidth:0] halves(input logic [CountWidth-1:0] value);
+    halves = '0;
+    for (int unsigned k = 1; k < CountWidth; k++) if (value[k]) halves = {BitWidth'(k), value[k-1]};
+  endfunction
+
+  // It stands long before it is a factor.
+  logic [     BitWidth:0] noise_halves_q, background_halves_q;
+  logic [            4:0] raise_q;  // half powers of two
+  logic [ CountWidth+1:0] thrice_q;  // or twice: with the odd half one, and a fraction bit
+  logic [RaisedWidth-1:0] raised_q;
+  logic [ CountWidth-1:0] least_q, judged_q;
+  logic [ BitWidth + 1:0] raise;
+  assign raise = (BitWidth + 2)'(noise_halves_q) - (BitWidth + 2)'(background_halves_q);
+  always_ff @(posedge clk_i) begin
+    noise_halves_q      <= halves(noise_q);
+    background_halves_q <= halves(background_q);
+    raise_q             <= |raise[BitWidth:5] || &raise[4:0] ? '1 : raise[4:0] + 5'd1;
+    if (raise[BitWidth+1] || raise == '0 || row_q) raise_q <= '0;
+    thrice_q            <= {1'b0, noise_q, 1'b0}
+                           + (raise_q[0] ? (CountWidth + 2)'(noise_q) : '0);
+    raised_q            <= RaisedWidth'(((RaisedWidth + 1)'(thrice_q) << raise_q[4:1]) >> 1);
+    judged_q            <= |raised_q[RaisedWidth-1:CountWidth] ? '1 : raised_q[CountWidth-1:0];
+    if (raised_q < RaisedWidth'(least_q) && !row_q) judged_q <= least_q;
+    least_q <= background_q == '0 ? CountWidth'(OneCount) : CountWidth'((5 * OneCount) >> 4);
+  end
+
   // What is compared stands since the product before.
   logic spread_high_q, spread_larger_q, noise_larger_q;
   always_ff @(posedge clk_i) begin
@@ -167,6 +206,7 @@ module peak_isolate #(
         background_q <= background_i;
         noise_q      <= noise_i;
         spread_q     <= spread_i;
+        row_q        <= row_statistics_i || peak_i.noise_row;
         user_q       <= user_i;
         // A mean is not above the maximum, so this is not negative.
         height_q     <= (CountWidth'(maximum_i) << CountShift) - background_i;
@@ -195,7 +235,7 @@ module peak_isolate #(
                                         : (TermWidth + 1)'(height_term_q);
         noise_term_q <= noise_term;
         factor_q     <= signed'({1'b0, peak_i.snr_min});
-        count_q      <= signed'({1'b0, noise_q});
+        count_q      <= signed'({1'b0, judged_q});
         start_q      <= 1'b1;
         state_q      <= SNR_TERM;
       end
@@ -293,19 +333,25 @@ module peak_isolate #(
   // A run goes on through a gap; its right end is its last pixel above.
   logic                  in_run_q, has_max_q;  // of the run under way
   logic [  GapWidth-1:0] gap_q;  // pixels behind its last one above
+  logic [WindowWidth-1:0] lit_q;  // its pixels above, as far as min_width goes
+  logic                  enough_q;  // they are as many
+  logic                  before_q, pair_q;  // the pixel before is above; two side by side are
   logic [IndexWidth-1:0] run_left_q, run_right_q;
   logic                  found_q;  // of the line so far
   logic [IndexWidth-1:0] found_left_q, found_right_q;
   logic [WidthWidth-1:0] found_width_q;
+  logic                  found_enough_q;
 
   // The run including this pixel where it is above, the run it ends where it is not.
-  logic                  has_max, run_goes_on, run_ends;
+  logic                  has_max, run_goes_on, run_ends, enough, pair;
   logic [IndexWidth-1:0] run_left, run_right;
   assign has_max     = above_q ? is_max_q || (in_run_q && has_max_q) : has_max_q;
   assign run_left    = above_q && !in_run_q ? index_q : run_left_q;
   assign run_right   = above_q ? index_q : run_right_q;
   assign run_goes_on = (above_q || (in_run_q && gap_q != most_gap_q)) && !last_q;
   assign run_ends    = (above_q || in_run_q) && !run_goes_on;
+  assign enough      = enough_q || (above_q && lit_q == below_min_q);
+  assign pair        = pair_q || (above_q && before_q);
 
   logic                  finish_q;
   always_ff @(posedge clk_i) begin
@@ -314,22 +360,32 @@ module peak_isolate #(
       in_run_q    <= run_goes_on;
       has_max_q   <= has_max;
       gap_q       <= above_q ? '0 : gap_q + GapWidth'(1);
+      lit_q       <= run_goes_on ? lit_q + WindowWidth'(above_q) : '0;
+      enough_q    <= run_goes_on && enough;
+      before_q    <= run_goes_on && above_q;
+      pair_q      <= run_goes_on && pair;
       run_left_q  <= run_left;
       run_right_q <= run_right;
       if (first_q) begin
-        found_q       <= 1'b0;
-        found_width_q <= '0;
+        found_q        <= 1'b0;
+        found_width_q  <= '0;
+        found_enough_q <= 1'b0;
       end
       if (run_ends && has_max) begin
-        found_q       <= 1'b1;
-        found_left_q  <= run_left;
-        found_right_q <= run_right;
-        found_width_q <= WidthWidth'(run_right) - WidthWidth'(run_left) + WidthWidth'(1);
+        found_q        <= 1'b1;
+        found_left_q   <= run_left;
+        found_right_q  <= run_right;
+        found_enough_q <= enough && pair;
+        found_width_q  <= WidthWidth'(run_right) - WidthWidth'(run_left) + WidthWidth'(1);
       end
     end
     if (rst_i) begin
       finish_q <= 1'b0;
       in_run_q <= 1'b0;
+      lit_q    <= '0;
+      enough_q <= 1'b0;
+      before_q <= 1'b0;
+      pair_q   <= 1'b0;
     end
   end
 
@@ -406,7 +462,7 @@ module peak_isolate #(
   logic clear, low_snr, saturated, too_narrow, too_wide;
   assign clear      = !broad_q && rivals_q <= RivalWidth'(MostRivals);
   assign low_snr    = end_low_snr_q || (end_low_spread_q && !clear);
-  assign too_narrow = WiderWidth'(found_width_q) < WiderWidth'(min_width_q);
+  assign too_narrow = !found_enough_q;
   assign saturated  = vrscan_pkg::AlignedWidth'(end_maximum_q) >= peak_i.saturation_level;
   assign too_wide   = WiderWidth'(found_width_q) > WiderWidth'(max_width_q)
                       || (broad_q && !saturated);

@@ -12,6 +12,7 @@ from harness import (
     drive_settings,
     each,
     generator,
+    in_volume,
     parameters,
     port,
     reset,
@@ -19,10 +20,20 @@ from harness import (
 )
 
 from vrscan.data import pkg
+from vrscan.data.config import Config
 from vrscan.fixed import line_buffer
 from vrscan.fixed.line_statistics import LineStatistics, line_statistics
-from vrscan.fixed.peak_isolate import MOST_GAP, Windows, latency, peak_isolate, replay_latency
+from vrscan.fixed.peak_isolate import (
+    MOST_GAP,
+    Windows,
+    latency,
+    peak_isolate,
+    replay_latency,
+    unclipped,
+)
+from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal import peak as ideal
+from vrscan.registers.chain_registers import Registers
 
 ELABORATIONS = [
     {"LineLength": 300, "PixelWidth": 12, "MaxWindow": 255, "UserWidth": 8},
@@ -99,7 +110,7 @@ async def send(
         row, phase = divmod(cycle, length)
         dut.valid_i.value = int(phase == 0 and row < len(lines))
         if phase == 0 and row < len(lines):
-            for name in ("maximum", "max_index", "background", "noise", "spread"):
+            for name in ("maximum", "max_index", "background", "noise", "spread", "row_statistics"):
                 port(dut, f"{name}_i").value = int(getattr(statistics, name)[row])
             dut.user_i.value = row & 0xFF
         playing = bool(replays) and cycle >= replays[0]
@@ -193,7 +204,7 @@ async def random_statistics_and_settings(dut) -> None:
             background=background,
             noise=noise,
             spread=spread,
-            row_statistics=np.zeros(6, np.bool_),
+            row_statistics=draw.random(6) < 0.3,
         )
         settings = Settings(
             k_noise=int(draw.integers(1 << 16)) >> int(draw.integers(16)),
@@ -281,7 +292,7 @@ async def what_is_broad_or_one_of_many_is_judged_by_the_spread(dut) -> None:
         max_index=np.full(10, 2),
         row_mean=zeros,
         row_variance=zeros,
-        background=zeros,
+        background=zeros + noise,
         noise=zeros + noise,
         spread=zeros + spread,
         row_statistics=zeros > 0,
@@ -289,7 +300,7 @@ async def what_is_broad_or_one_of_many_is_judged_by_the_spread(dut) -> None:
     want = await send(dut, lines, Settings(k_noise=1 << 7), statistics)
     clear = [True, True, True, False, False, True, False, True, True, True]
     assert (want.noise == noise).tolist() == clear
-    # 101 counts are more than five noises and less than five spreads.
+    # 100 counts are more than five noises and less than five spreads.
     assert (want.flags >> pkg.FLAG_LOW_SNR & 1 == 0).tolist() == clear
 
 
@@ -469,7 +480,7 @@ def test_a_pixel_on_the_threshold_is_not_above_it() -> None:
 def test_peak_isolate_model_takes_the_least_ratio() -> None:
     """A peak of exactly snr_min noises is not low; one count less is."""
     lines = np.zeros((2, 300), np.uint16)
-    lines[0, 100:105], lines[1, 100:105] = 50, 49
+    lines[0, 100:105], lines[1, 100:105] = 70, 69
     shift = pkg.COUNT_WIDTH - 12
     zeros = np.zeros(2, np.int64)
     statistics = LineStatistics(
@@ -477,10 +488,79 @@ def test_peak_isolate_model_takes_the_least_ratio() -> None:
         max_index=np.full(2, 100),
         row_mean=zeros,
         row_variance=zeros,
-        background=zeros,
+        background=zeros + (20 << shift),
         noise=np.full(2, 10 << shift),
         spread=np.full(2, 10 << shift),
         row_statistics=np.zeros(2, np.bool_),
     )
     got = peak_isolate(lines, statistics, pixel_width=12, max_window=255, **vars(Settings()))
     assert (got.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("below", [0.0, 1.0, 1.5, 2.0])
+def test_clipped_noise_is_told_from_what_is_seen_of_it(below: float) -> None:
+    """Gaussian noise whose mean is below black, where the deviation alone is a fraction of it."""
+    sigma = np.repeat([0.8, 3.0, 30.0], 100)
+    noise = sigma[:, None] * (generator(4).standard_normal((300, 2048)) - below)
+    lines = np.clip(np.rint(noise), 0, 4095).astype(np.uint16)
+    row = line_statistics(lines, pixel_width=12, max_window=255, noise_row=False)
+    step = 2.0 ** (pkg.COUNT_WIDTH - 12)
+    seen, told = row.noise / step / sigma, unclipped(row, 12) / step / sigma
+    print(f"{below} sigma below black: seen {seen.mean():.2f} sigma, told {told.mean():.2f}")
+    assert (told >= seen).all() and told.max() < 2.5 and 0.6 < told.mean() < 1.6
+    noise, mean = row.noise / step, row.background / step
+    assert ideal.unclipped(noise, mean) == pytest.approx(told * sigma, rel=1e-9, abs=1.5 / step)
+
+
+def hot_pixels(draw: np.random.Generator, count: int) -> np.ndarray:
+    """Return dark lines with two hot pixels, 2 to 5 pixels apart."""
+    lines = 60 + 3 * draw.standard_normal((count, 2048))
+    row, left = np.arange(count), draw.integers(0, 2043, count)
+    lines[row, left] += draw.uniform(20, 4000, count)
+    lines[row, left + draw.integers(2, 6, count)] += draw.uniform(20, 4000, count)
+    return lines
+
+
+def pink(draw: np.random.Generator, count: int) -> np.ndarray:
+    """Return lines whose noise is the same in each octave of frequency below 51 px."""
+    white = np.fft.rfft(draw.standard_normal((count, 2048)))
+    return 80 + 8 * np.fft.irfft(white / np.sqrt(1 + np.arange(1025) / 40), 2048)
+
+
+DARK = {
+    "read noise": lambda draw, n: 60 + 3 * draw.standard_normal((n, 2048)),
+    "two hot pixels": hot_pixels,
+    "clipped black": lambda draw, n: (
+        3 * draw.standard_normal((n, 2048)) + draw.uniform(-12, 0, (n, 1))
+    ),
+    "less than a count": lambda draw, n: (
+        draw.uniform(0, 60, (n, 1)) + draw.uniform(0, 0.6, (n, 1)) * draw.standard_normal((n, 2048))
+    ),
+    "1/f": pink,
+    "slope": lambda draw, n: (
+        60
+        + np.linspace(0, 1, 2048) * draw.uniform(0, 400, (n, 1))
+        + 3 * draw.standard_normal((n, 2048))
+    ),
+}
+
+
+@pytest.mark.parametrize("count", [2000, in_volume(100_000)])
+@pytest.mark.parametrize("kind", DARK)
+def test_dark_lines_have_no_point_and_a_spot_on_them_has_one(kind: str, count: int) -> None:
+    draw = generator(9)
+    registers = Registers.from_config(Config())
+
+    def points(light: np.ndarray) -> np.ndarray:
+        lines = np.clip(np.rint(light), 0, 4095).astype(np.uint16)
+        zeros = np.zeros(len(lines), np.int64)
+        return run_fixed(lines, zeros, zeros + 65_535, registers).measured
+
+    for _ in range(count // 1000):
+        light = DARK[kind](draw, 1000)
+        assert not points(light).any()
+    if kind == "two hot pixels":
+        return  # the brightest pixel is then no spot's
+    # Twice the least S/N, of a spot of s = 3 px.
+    spot = np.exp(-(((np.arange(2048) - 700.3) / 3) ** 2) / 2)
+    assert points(light + 16 * np.maximum(light.std(axis=1), 1.0)[:, None] * spot).mean() > 0.95

@@ -13,6 +13,7 @@ from vrscan.fixed.multiply import latency as multiply_latency
 HALF_SHIFT = 1  # the spread lifts the threshold to half of the height at most
 CORE_SHIFT = 2  # the second level is at a quarter of the height
 MOST_RIVALS = 2  # narrow rivals of a clear spot
+MOST_RAISED = 15  # powers of two by which clipping may hide the noise
 MOST_GAP = 4  # px between the parts of a spot that speckle breaks up; a fit joins them
 
 
@@ -71,6 +72,8 @@ def peak_isolate(
     than ``MOST_RIVALS`` others are from ``min_width`` to ``max_core`` wide. What is not clear is
     judged by the spread. Where a fit follows, runs at most ``MOST_GAP`` pixels apart are one: its
     width at the second level is without the gaps, and one part of it has to be ``min_width`` wide.
+    Of a window, too, gaps do not count for ``min_width``, and two pixels above are side by side:
+    two hot ones are no spot.
 
     Args:
         lines: Pixels, [n, line_length].
@@ -122,9 +125,14 @@ def peak_isolate(
     clear = ~broad & (core.others(min_width, max_core) <= MOST_RIVALS)
     uneven = ~clear & (statistics.spread > statistics.noise)
     noise = np.where(uneven, statistics.spread, statistics.noise)
-    low_snr = (height == 0) | ((height << pkg.SNR_FRACTION) < snr_min * noise)
+    raised = np.maximum(noise, unclipped(statistics, pixel_width))
+    judged = np.where(statistics.row_statistics | noise_row, noise, raised)
+    low_snr = (height == 0) | ((height << pkg.SNR_FRACTION) < snr_min * judged)
     saturated = statistics.maximum >= saturation_level
-    too_narrow, too_wide = width < min_width, (width > max_width) | (broad & ~saturated)
+    too_narrow, too_wide = (
+        (runs.pixels < min_width) | (runs.part < 2),
+        (width > max_width) | (broad & ~saturated),
+    )
     at_edge = runs.found & ((left == 0) | (right == length - 1))
     flags = np.zeros(count, np.int64)
     for bit, condition in (
@@ -139,6 +147,29 @@ def peak_isolate(
     return Windows(~(low_snr | too_narrow | too_wide), left, right, width, noise, flags)
 
 
+def _halves(value: Ints) -> Ints:
+    # Twice the logarithm to base 2, rounded down to where it or a half more is a sum of two powers.
+    mantissa, bits = np.frexp(np.maximum(value, 1).astype(np.float64))
+    return 2 * (bits.astype(np.int64) - 1) + (mantissa >= 0.75)
+
+
+def unclipped(statistics: LineStatistics, pixel_width: int) -> Ints:
+    """Return the noise of a sensor whose black is clipped, as far as the clipping hides it [n].
+
+    Of a Gaussian that only reaches above black with its tail, sigma is about 1.4 times the variance
+    over the mean. So where the noise is larger than the background, in half powers of two, it is
+    multiplied by their ratio and 1.4. It is 5/16 of a count at least, a little above the steps' own
+    sqrt(1/12), and a count where all of the background is 0 and tells nothing.
+    """
+    noise, mean = statistics.noise, statistics.background
+    halves = _halves(noise) - _halves(mean)
+    halves = np.where(halves > 0, np.minimum(halves + 1, 2 * MOST_RAISED + 1), 0)
+    raised: Ints = (noise * np.where(halves & 1, 3, 2) << (halves >> 1)) >> 1
+    one = 1 << (pkg.COUNT_WIDTH - pixel_width)
+    raised = np.maximum(raised, np.where(mean == 0, one, (5 * one) >> 4))
+    return np.minimum(raised, (1 << pkg.COUNT_WIDTH) - 1)
+
+
 @dataclass(frozen=True)
 class _Runs:
     """Runs of pixels above a level, in all lines.
@@ -148,6 +179,7 @@ class _Runs:
         left: First pixel of that run, meaningless without one, [n].
         width: Its width, 0 without one, [n].
         pixels: Those of its pixels above the level, all but gaps, [n].
+        part: Width of its widest part without a gap, [n].
         rows: Line of each run [m].
         counts: Pixels above the level of each run [m].
         parts: Width of the widest part of each run without a gap [m].
@@ -157,6 +189,7 @@ class _Runs:
     left: Ints
     width: Ints
     pixels: Ints
+    part: Ints
     rows: Ints
     counts: Ints
     parts: Ints
@@ -175,7 +208,7 @@ class _Runs:
         starts, ends = edges[0::2], edges[1::2]  # a run is [start, end) in columns of ``lines``
         if not starts.size:
             none = np.zeros(count, np.int64)
-            return cls(none - 1, none, none, none, *[starts] * 3)
+            return cls(none - 1, none, none, none, none, *[starts] * 3)
         apart = (starts[1:] - ends[:-1] > gap) | (starts[1:] // stride > starts[:-1] // stride)
         begins = np.flatnonzero(np.append(True, apart))
         counts, parts = (each.reduceat(ends - starts, begins) for each in (np.add, np.maximum))
@@ -184,9 +217,11 @@ class _Runs:
         peak = first + max_index
         run = np.searchsorted(starts, peak, side="right") - 1
         found = (run >= 0) & (ends[run] > peak)
-        width, pixels = (np.where(found, each[run], 0) for each in (ends - starts, counts))
+        width, pixels, part = (
+            np.where(found, each[run], 0) for each in (ends - starts, counts, parts)
+        )
         own, rows = np.where(found, run, -1), starts // stride
-        return cls(own, starts[run] - first, width, pixels, rows, counts, parts)
+        return cls(own, starts[run] - first, width, pixels, part, rows, counts, parts)
 
     @property
     def found(self) -> Bools:

@@ -13,7 +13,16 @@ from vrscan.data.points import SIGMA_MOST
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, free_space, geometry, peak_fit, peak_neighbours, two_pass
 from vrscan.ideal.correction_map import correction, filled_beside, maps_for
-from vrscan.ideal.peak import CORE_HEIGHT, MOST_GAP, Windows, clear, cut, isolate, threshold
+from vrscan.ideal.peak import (
+    CORE_HEIGHT,
+    MOST_GAP,
+    Windows,
+    clear,
+    cut,
+    isolate,
+    threshold,
+    unclipped,
+)
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 
@@ -163,10 +172,12 @@ def _run(
     window = runs(cut(row, k_noise=k_noise, k_height=k_height, limited=not noise_row))
     core = runs(threshold(background, noise, row.maximum, k_noise=k_noise, k_height=CORE_HEIGHT))
     noise = np.where(clear(core, max_core=peak.max_core), noise, np.maximum(noise, spread))
-    low_snr = (height <= 0.0) | (height < peak.snr_min * noise)
+    raised = np.maximum(noise, unclipped(row.noise, background))
+    judged = np.where(row.row_only | noise_row, noise, raised)
+    low_snr = (height <= 0.0) | (height < peak.snr_min * judged)
     snr = confidence.signal_to_noise(row.maximum, background, noise)
 
-    too_narrow = window.width < peak.min_width
+    too_narrow = (window.pixels < peak.min_width) | ~window.pair
     saturated = row.maximum >= config.sensor.least_saturated
     too_wide = (window.width > peak.max_width) | ((core.pixels > peak.max_core) & ~saturated)
     valid = np.flatnonzero(~(low_snr | too_narrow | too_wide))

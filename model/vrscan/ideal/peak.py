@@ -8,6 +8,9 @@ from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.ideal.statistics import Statistics
 
 MOST_LIFT = 0.5  # share of the height to which the row's deviation lifts the threshold
+NOISE_FLOOR = 5.0 / 16.0, 1.0  # counts, least noise by which a peak is judged; in the dark
+FAINTEST = 2.0**-12  # counts, least background that is told from none
+MOST_RAISED = 15  # powers of two by which clipping may hide the noise
 CORE_HEIGHT = 0.25  # share of the height above which other runs are rivals
 MOST_RIVALS = 2  # narrow rivals of a clear spot
 MOST_GAP = 4  # px between the parts of a spot that speckle breaks up; a fit joins them
@@ -21,6 +24,7 @@ class Windows:
     right: Ints  # last pixel; left - 1 without a run
     width: Ints  # px
     pixels: Ints  # number of those above the threshold, all of the width but gaps
+    pair: Bools  # whether two of them are side by side
     rivals: Ints  # number of other runs, with a part of at least min_width px
     narrow_rivals: Ints  # of these, those of at most max_width pixels above the threshold
 
@@ -42,6 +46,29 @@ def threshold(
     """
     height = np.maximum(maximum - background, 0.0)
     return background + np.maximum(k_noise * noise, k_height * height)
+
+
+def unclipped(noise: Floats, background: Floats) -> Floats:
+    """Return the noise of a sensor whose black is clipped, counts [n].
+
+    Only the tail of the noise is above black then, and of a Gaussian's tail sigma is about 1.4
+    times the variance over the mean. Where the noise is larger than the background, in half powers
+    of two, it is multiplied by their ratio and 1.4 (3/2 stands for an odd half). It is 5/16 of a
+    count at least, a little above the steps' sqrt(1/12), and a count where all of the background is
+    0 and tells nothing.
+
+    Args:
+        noise: Standard deviation of the background, counts [n].
+        background: Mean of the background, counts [n].
+    """
+    parts = [np.frexp(np.maximum(each, FAINTEST)) for each in (noise, background)]
+    halves = [2 * bits + (mantissa >= 0.75) for mantissa, bits in parts]
+    raise_by = halves[0] - halves[1]
+    raise_by = np.where(raise_by > 0, np.minimum(raise_by + 1, 2 * MOST_RAISED + 1), 0)
+    raised = np.ldexp(np.where(raise_by & 1, 1.5, 1.0) * noise, raise_by >> 1)
+    least = np.where(background == 0.0, NOISE_FLOOR[1], NOISE_FLOOR[0])
+    told: Floats = np.maximum(raised, least)
+    return told
 
 
 def cut(row: Statistics, *, k_noise: float, k_height: float, limited: bool) -> Floats:
@@ -116,11 +143,13 @@ def isolate(
     rivals, narrow_rivals = (
         np.bincount(rows[each], minlength=len(lines)) for each in (rival, narrow)
     )
+    own = above & ~others
     return Windows(
         left=left,
         right=right,
         width=width,
-        pixels=(above & ~others).sum(axis=1),
+        pixels=own.sum(axis=1),
+        pair=np.asarray((own[:, 1:] & own[:, :-1]).any(axis=1)),
         rivals=rivals,
         narrow_rivals=narrow_rivals,
     )
