@@ -29,6 +29,7 @@ package vrscan_pkg;
   // Configuration.
   localparam int unsigned KNoiseFraction = 8;
   localparam int unsigned KHeightFraction = 16;
+  localparam int unsigned NoiseFloor = 5;  // sixteenths of a count, above a step's own sqrt(1/12)
   localparam int unsigned KappaWidth = 18;  // counts per electron, 28 - PixelWidth fraction bits
   localparam int unsigned GainWidth = 24;  // of the confidence in free space
   localparam int unsigned GainFraction = 16;

@@ -215,7 +215,7 @@ FAULTS = [
         ("clipped noise", "(thrice_q) << raise_q[4:1]", "(thrice_q)"),
         ("isolated pixels are a spot", "<= enough && pair;", "<= enough;"),
         ("the row's noise is raised", "raise == '0 || row_q) r", "raise == '0) r"),
-        ("dark without a floor", "= background_q == '0 ? CountWidth'(OneCount) :", "="),
+        ("dark without a floor", "= background_q == '0 ? CountW", "= 1'b0 ? CountW"),
         ("the smaller term", "spread_term_q > TermWidth'", "spread_term_q < TermWidth'"),
         ("the paper's threshold is limited", "!peak_i.noise_row && spread_term", "spread_term"),
         ("a broad core is clear", "!broad_q && rivals_q", "rivals_q"),

@@ -89,7 +89,7 @@ module peak_fit #(
   localparam logic [36:0] OneStep        = 37'(64'd1 << 36);
   localparam logic [23:0] LastPlace      = 24'((Span << PlaceFraction) - 1);
   localparam logic [25:0] MostStretch    = 26'd4915;  // 0.3, 14 fraction bits
-  localparam logic [23:0] NoiseFloor     = 24'((5 << CountShift) >> 4);
+  localparam logic [23:0] NoiseFloor     = 24'((vrscan_pkg::NoiseFloor << CountShift) >> 4);
 
   // ---- what belongs to the line ----
   logic        [IndexWidth-1:0]                  left_q;

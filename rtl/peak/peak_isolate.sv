@@ -20,10 +20,10 @@
 // of its parts has to be min_width wide.  Of a window min_width pixels have to be above, two of them
 // side by side, so two hot pixels are no spot.
 //
-// Where black is clipped only the tail of the noise is seen, whose sigma is about its variance over
-// its mean.  So noise above the background, but for a row's, is multiplied by 1.4 times their ratio, in half powers of
-// two, before the S/N is judged by it, and it is 5/16 of a count at least; a count where no other
-// pixel is lit.
+// Where black is clipped only the tail of the noise is seen, whose sigma is about 1.4 times its
+// variance over its mean.  So noise above the background, but for a row's, is multiplied by 1.4
+// times their ratio, in half powers of two, before the S/N is judged by it.  It is NoiseFloor
+// sixteenths of a count at least, and a count where no other pixel is lit.
 //
 //   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
 //   noise_o                   what the peak is judged by
@@ -185,7 +185,8 @@ module peak_isolate #(
     raised_q            <= RaisedWidth'(((RaisedWidth + 1)'(thrice_q) << raise_q[4:1]) >> 1);
     judged_q            <= |raised_q[RaisedWidth-1:CountWidth] ? '1 : raised_q[CountWidth-1:0];
     if (raised_q < RaisedWidth'(least_q) && !row_q) judged_q <= least_q;
-    least_q <= background_q == '0 ? CountWidth'(OneCount) : CountWidth'((5 * OneCount) >> 4);
+    least_q <= background_q == '0 ? CountWidth'(OneCount)
+                                     : CountWidth'((vrscan_pkg::NoiseFloor * OneCount) >> 4);
   end
 
   // What is compared stands since the product before.

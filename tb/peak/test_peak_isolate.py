@@ -305,6 +305,36 @@ async def what_is_broad_or_one_of_many_is_judged_by_the_spread(dut) -> None:
 
 
 @cocotb.test()
+async def isolated_pixels_and_the_dark_are_no_spot(dut) -> None:
+    """Three pixels with gaps are too narrow, with two side by side not; in the dark noise is 1."""
+    given = parameters()
+    length, shift = given["LineLength"], pkg.COUNT_WIDTH - given["PixelWidth"]
+    await reset(dut)
+    lines = np.zeros((5, length), np.uint16)
+    for row, places in enumerate(([10, 12], [10, 12, 14], [10, 12, 13])):
+        lines[row, places] = 100
+    lines[3, 10:14], lines[4, 10:14] = 4, 5
+    zeros = np.zeros(5, np.int64)
+    statistics = LineStatistics(
+        maximum=lines.max(axis=1).astype(np.int64),
+        max_index=zeros + 10,
+        row_mean=zeros,
+        row_variance=zeros,
+        background=zeros,
+        noise=zeros,
+        spread=zeros,
+        row_statistics=zeros > 0,
+    )
+    want = await send(dut, lines, Settings(window_fit=True), statistics)
+    assert (want.flags >> pkg.FLAG_TOO_NARROW & 1).tolist() == [1, 1, 0, 0, 0]
+    assert (want.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [0, 0, 0, 1, 0]  # snr_min is 5
+    # Where a pixel beside it is lit, the least noise is that of the steps.
+    lit = replace(statistics, background=zeros + (1 << shift >> 4))
+    want = await send(dut, lines, Settings(window_fit=True), lit)
+    assert not (want.flags >> pkg.FLAG_LOW_SNR & 1).any()
+
+
+@cocotb.test()
 async def a_fit_takes_what_is_broken_up_for_one(dut) -> None:
     """Parts MOST_GAP pixels apart are one run at both levels, and those a pixel farther are two."""
     given = parameters()

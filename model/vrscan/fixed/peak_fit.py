@@ -406,7 +406,7 @@ def peak_fit(
     level = (ramp[:, None] + np.arange(SPAN) * slope[:, None]) >> (pkg.RAMP_FRACTION - 8)
     height = (pixel << (pkg.COUNT_WIDTH - pixel_width)) - background[:, None] - level
     height = saturated((saturated(height, 27) << lift[:, None]) >> 7, 18)
-    floor = (5 << (pkg.COUNT_WIDTH - pixel_width)) >> 4
+    floor = (pkg.NOISE_FLOOR << (pkg.COUNT_WIDTH - pixel_width)) >> 4
     deviation = np.minimum((np.maximum(noise, floor) << lift) >> 7, (1 << 17) - 1)
     dark = deviation * deviation
     gain = np.minimum(np.int64(kappa) << lift, MOST_GAIN)

@@ -166,7 +166,7 @@ def unclipped(statistics: LineStatistics, pixel_width: int) -> Ints:
     halves = np.where(halves > 0, np.minimum(halves + 1, 2 * MOST_RAISED + 1), 0)
     raised: Ints = (noise * np.where(halves & 1, 3, 2) << (halves >> 1)) >> 1
     one = 1 << (pkg.COUNT_WIDTH - pixel_width)
-    raised = np.maximum(raised, np.where(mean == 0, one, (5 * one) >> 4))
+    raised = np.maximum(raised, np.where(mean == 0, one, (pkg.NOISE_FLOOR * one) >> 4))
     return np.minimum(raised, (1 << pkg.COUNT_WIDTH) - 1)
 
 

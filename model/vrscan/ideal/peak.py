@@ -8,7 +8,7 @@ from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.ideal.statistics import Statistics
 
 MOST_LIFT = 0.5  # share of the height to which the row's deviation lifts the threshold
-NOISE_FLOOR = 5.0 / 16.0, 1.0  # counts, least noise by which a peak is judged; in the dark
+LEAST_NOISE, DARK_NOISE = 5 / 16, 1.0  # counts, that of the converter's steps; without any light
 FAINTEST = 2.0**-12  # counts, least background that is told from none
 MOST_RAISED = 15  # powers of two by which clipping may hide the noise
 CORE_HEIGHT = 0.25  # share of the height above which other runs are rivals
@@ -66,7 +66,7 @@ def unclipped(noise: Floats, background: Floats) -> Floats:
     raise_by = halves[0] - halves[1]
     raise_by = np.where(raise_by > 0, np.minimum(raise_by + 1, 2 * MOST_RAISED + 1), 0)
     raised = np.ldexp(np.where(raise_by & 1, 1.5, 1.0) * noise, raise_by >> 1)
-    least = np.where(background == 0.0, NOISE_FLOOR[1], NOISE_FLOOR[0])
+    least = np.where(background == 0.0, DARK_NOISE, LEAST_NOISE)
     told: Floats = np.maximum(raised, least)
     return told
 

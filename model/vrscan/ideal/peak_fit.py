@@ -39,6 +39,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.ideal.peak import LEAST_NOISE
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
 PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
@@ -55,7 +56,6 @@ FIRST_HEIGHT = 0.75  # heights are shares of the power of two above the largest
 LEAST_HEIGHT, LARGEST_HEIGHT = 1 / 16, 8.0
 LEAST_SCALE, LARGEST_SCALE = 0.5, 64.0  # px
 MOST_MOVE, MOST_STRETCH, MOST_RISE = 1.0, 0.3, 1.0  # of a pass: widths, widths, heights
-LEAST_NOISE = 5 / 16  # counts, that of the converter's steps
 
 FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
