@@ -22,6 +22,8 @@ from vrscan.scene.simulate import simulate
 MIRRORS = {"shiny-corner", "turned-metal"}
 # Nor can it tell a ghost, which stands where it stands all the time.
 NO_DETECTOR_KNOWS = {"window-ghost"} | MIRRORS
+# Nor by how much light from beneath a surface has moved the spot.
+FROM_BENEATH = {"plastic"}
 FEWEST_RATIOS = 20  # points whose errors are judged: their rms is known to 16 %
 FEWEST = 120  # points of a tenth of C_obj that are judged: their share is known to 0.045
 DOUBTFUL = ("SATURATED", "RIVAL", "AT_EDGE")
@@ -164,7 +166,9 @@ def judged(config: Config, scene: str, seed: int, count: int) -> tuple[np.ndarra
     "scenes",
     [
         ("far", "plane", "dark", "glossy", "sunlit"),
-        in_volume(tuple(name for name in shipped() if name not in NO_DETECTOR_KNOWS)),
+        in_volume(
+            tuple(name for name in shipped() if name not in NO_DETECTOR_KNOWS | FROM_BENEATH)
+        ),
     ],
     ids=len,
 )
@@ -207,7 +211,9 @@ FINER_THAN_THE_SPOT = {"bolt"}
     "scenes",
     [
         ("default", "near", "step", "glossy", "two-surfaces", "shiny-corner"),
-        in_volume(tuple(name for name in shipped() if name not in FINER_THAN_THE_SPOT)),
+        in_volume(
+            tuple(name for name in shipped() if name not in FINER_THAN_THE_SPOT | FROM_BENEATH)
+        ),
     ],
     ids=len,
 )

@@ -988,7 +988,14 @@ def test_each_effect_alone_works(name: str) -> None:
                 {"kind": "corner", "position_mm": [0, 0, 480], "size_mm": [120, 100]},
                 {"kind": "sphere", "position_mm": [50, 0, 350], "radius_mm": 20, "material": "m"},
             ],
-            "material": {"m": {"reflectance": 0.2, "gloss": 0.5}, "default": {"reflectance": 0.9}},
+            "material": {
+                "m": {
+                    "reflectance": 0.2,
+                    "gloss": 0.5,
+                    "subsurface": {"share": 0.5, "length_mm": 0.3},
+                },
+                "default": {"reflectance": 0.9},
+            },
             "lamp": [{}],
             "sun": {"sky": "given", "ghi_w_m2": 900, "dhi_w_m2": 100},
         },

@@ -35,6 +35,7 @@ _ALL = (
         "bounce", "light from the spot that lights the rest of the scene", "one reflection", 8.0
     ),
     Effect("mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 5.0),
+    Effect("subsurface", "light leaves beside where it entered", "it leaves where it enters", 10.0),
     Effect("speckle", "a rough surface under coherent light", "smooth light", 4.5),
     Effect("grain", "speckle is coarser out of focus", "speckle as in focus", 2.0),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
@@ -82,6 +83,8 @@ def present(scene: Description) -> tuple[str, ...]:
         absent.add("lamps")
     if not any(material.gloss > 0.0 for material in materials):
         absent |= {"gloss", "mirrored"}
+    if all(material.subsurface is None for material in materials):
+        absent.add("subsurface")
     if math.isinf(scene.laser.aperture_mm):
         absent.add("truncation")
     stray = scene.stray

@@ -24,7 +24,7 @@ from contextlib import AbstractContextManager, nullcontext
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
-from scipy.special import erf
+from scipy.special import erf, erfcx
 
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import Config
@@ -148,6 +148,34 @@ def row_share(
     return np.asarray(np.minimum(share * np.exp(-0.5 * offset_px**2 / width), 1.0))
 
 
+def beneath_height(sigma_y_px: Floats, radius_px: Floats, across_px: Floats) -> Floats:
+    """Return the height of the spot over that of its light from beneath the surface, x [n].
+
+    That light is spread as a diffusion with attenuation spreads it in two dimensions: by
+    K_0(r / b), whose transform is 1 / (1 + (2 pi b f)^2). What the row sees of it is, for a
+    Gaussian spot of sigma s across the row, the integral of both transforms over the frequency
+    across the row: erfcx(x A) / (2 b A), with x = s / (sqrt2 b) and A^2 = 1 + (2 pi b f)^2 of the
+    frequency along it. Scales along and across the row may differ. The disc counts as a Gaussian
+    of the same variance.
+
+    Args:
+        sigma_y_px: Sigma of the spot across the row [n].
+        radius_px: Radius of the defocused disc [n].
+        across_px: Scale b of the spread across the row [n].
+    """
+    variance = np.square(sigma_y_px) + 0.25 * np.square(radius_px) + _ROW_VARIANCE
+    return np.asarray(np.sqrt(0.5 * variance) / np.maximum(across_px, 1e-6))
+
+
+def beneath_share(height: Floats) -> Floats:
+    """Return the row's share of light from beneath the surface over that of the spot itself [n].
+
+    Args:
+        height: Heights from ``beneath_height`` [n].
+    """
+    return np.asarray(math.sqrt(math.pi) * height * erfcx(height))
+
+
 def window_width(sigma_px: Floats, radius_px: Floats, smear_px: Floats, coma_px: Floats) -> Ints:
     """Return the width of the window that each profile needs, one of ``WIDTHS`` [n]."""
     tail = _TAIL * np.abs(coma_px)
@@ -186,6 +214,7 @@ def profiles(
     speed_px: Floats | None = None,
     pulse: "Singles | None" = None,
     coma_px: Floats | None = None,
+    beneath: Floats | None = None,
     transfer: Singles | None = None,
     shape: Singles | None = None,
     spectrum: npt.NDArray[np.complex64] | None = None,
@@ -203,6 +232,8 @@ def profiles(
         pulse: Transform of the pulse at ``PULSE_TURNS`` cycles per pulse; given with ``speed_px``.
         coma_px: Length of the one-sided exponential tail [n], towards rising pixels where it is
             positive, or None; the centroid stays.
+        beneath: Of light from beneath a surface the length of its tail, as ``coma_px``, the scale
+            of its spread along the row, px, and its ``beneath_height`` [n, 3], or None.
         transfer: Any other factor [width + 1], at ``frequencies(width)``; the pixel is included.
         shape: Replaces the Gaussian: the transform of another shape [n, width + 1].
         spectrum: Replaces a point: the spectrum of the light along the row, about the same pixel,
@@ -246,6 +277,10 @@ def profiles(
     if coma_px is not None:
         with clock("coma"):
             light *= _tail(frequency, coma_px)
+    if beneath is not None:
+        with clock("subsurface"):
+            light *= _tail(frequency, beneath[:, 0])
+            light *= _spread(frequency, beneath[:, 1], beneath[:, 2])
     half = width // 2
     folded = np.zeros((len(light), half + 1), np.complex64)
     folded[:, :end] = light[:, : half + 1]
@@ -264,6 +299,13 @@ def _tail(frequency: Singles, coma_px: Floats) -> npt.NDArray[np.complex64]:
     found.real = (cosine + turn * sine) * scale
     found.imag = (sine - turn * cosine) * scale
     return found
+
+
+def _spread(frequency: Singles, along_px: Floats, height: Floats) -> Singles:
+    """Return the transform of the spread beneath a surface, as the row sees it."""
+    wide = np.hypot(1.0, 2.0 * np.pi * along_px[:, None] * frequency)
+    high = height[:, None]
+    return np.asarray(erfcx(high * wide) / (wide * erfcx(high)), np.float32)
 
 
 def _disc(frequency: Singles, radius_px: Floats, height_ratio: Floats) -> Singles:

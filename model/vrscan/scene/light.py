@@ -110,8 +110,10 @@ class Light:
         self.names = tuple(dict.fromkeys(self.world.names))
         # The last entry is for the index -1, no target.
         self.groups = np.array([self.names.index(n) for n in self.world.names] + [-1], np.int64)
+        # Of each target's surface, then of the light from beneath each, then of no target.
+        below = [each.subsurface.looks if each.subsurface else 1.0 for each in self.materials]
         self.looks = scene.speckle.looks * np.array(
-            [material.patterns for material in self.materials] + [1.0]
+            [material.patterns for material in self.materials] + below + [1.0]
         )
         self.exposure_s = (
             1e-6 * scene.exposure_us if scene.exposure_us is not None else 1 / config.line.rate_hz

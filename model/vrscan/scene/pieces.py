@@ -5,6 +5,7 @@ curvature, patterns), it is followed ray by ray and may end on two surfaces.
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -83,6 +84,7 @@ class Pieces:
     parts_px: Floats | None = None  # places of a spot's rays [m, RAYS]
     share: Floats | None = None  # share of the light of each ray [m, RAYS]
     cell_px: Floats | None = None  # image of a ray's cell, in the middle and in the rings [m, 2]
+    beneath: Floats | None = None  # of light from beneath a surface, as ``image.profiles`` has it
 
     def __len__(self) -> int:
         return len(self.row)
@@ -166,12 +168,12 @@ class Spotter:
             self._rate = scan_rate(self.light.config.mirror)
         beam = np.stack([np.sin(angle), np.zeros(count), np.cos(angle)], axis=1)
         spots = self._meet(np.zeros((count, 3)), beam, timeline.y_mm)
-        pieces = [self._whole(spots, timeline, np.arange(count))]
+        pieces = self._whole(spots, timeline, np.arange(count))
         if "footprint" in self.active:
             with self.clock("footprint"):
                 split, shift_px = self._split(spots, beam, timeline)
-                flat = pieces[0].of(~split[pieces[0].row])
-                pieces = [replace(flat, place_px=flat.place_px + shift_px[flat.row])]
+                flat = [each.of(~split[each.row]) for each in pieces]
+                pieces = [replace(p, place_px=p.place_px + shift_px[p.row]) for p in flat]
                 if split.any():
                     pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
         if "mirrored" in self.active:
@@ -180,7 +182,7 @@ class Spotter:
         second: list[Pieces] = []
         if "window" in self.active:
             with self.clock("window"):
-                second.append(self._window_ghost(timeline))
+                second += self._window_ghost(timeline)
         return spots, pieces, second
 
     def _meet(self, origin: Floats, direction: Floats, y_mm: Floats) -> Spots:
@@ -195,6 +197,7 @@ class Spotter:
             y_mm,
             gloss="gloss" in self.active,
             falloff="falloff" in self.active,
+            subsurface="subsurface" in self.active,
         )
 
     def _blur(self, depth: Floats, place: Floats) -> tuple[Floats, Floats]:
@@ -220,8 +223,26 @@ class Spotter:
         """Return the zone of a cut beam, None of a Gaussian one."""
         return None if self.cut is None else zone(distance_mm, self._laser)
 
-    def _whole(self, spots: Spots, timeline: Timeline, rows: Ints) -> Pieces:
-        """Return the spots of some lines, each on its tangent plane."""
+    def _beneath(self, pieces: Pieces, tail_px: Floats, spread_px: Floats) -> Pieces:
+        """Return pieces of light from beneath surfaces, from those of spots with all of its light.
+
+        Args:
+            pieces: The spots, m of them.
+            tail_px: Mean distance of that light's image from the spot's [m].
+            spread_px: Scales of its spread along and across the row [m, 2].
+        """
+        high = image.beneath_height(pieces.height_px, pieces.radius_px, spread_px[:, 1])
+        return replace(
+            pieces,
+            place_px=pieces.place_px + tail_px,
+            electrons=pieces.electrons * image.beneath_share(high),
+            # Its speckle is another one than the surface's.
+            surface=pieces.surface + len(self.light.materials),
+            beneath=np.stack([tail_px, spread_px[:, 0], high], axis=1),
+        )
+
+    def _whole(self, spots: Spots, timeline: Timeline, rows: Ints) -> list[Pieces]:
+        """Return the spots of some lines, each on its tangent plane, and light from beneath it."""
         rows = rows[spots.seen[rows] & (spots.collected[rows] > 0.0)]
         width = radius_mm(spots.distance[rows], self._laser)
         place, depth = spots.position_px[rows], spots.depth[rows]
@@ -232,7 +253,7 @@ class Spotter:
         share = image.row_share(height, radius, offset, cut=self.cut, zone=near)
         speed = spots.px_per_mm[rows] * spots.distance[rows] * timeline.rate_rad_per_s[rows]
         whole = self.electrons * spots.collected[rows]
-        return Pieces(
+        found = Pieces(
             row=rows,
             place_px=place,
             electrons=whole * share,
@@ -246,6 +267,15 @@ class Spotter:
             range_mm=depth,
             zone=near,
         )
+        below = spots.beneath[rows]
+        if not below[:, 0].any():
+            return [found]
+        upper, lower = (
+            replace(found, electrons=part * found.electrons, whole_e=part * found.whole_e)
+            for part in (1.0 - below[:, 0], below[:, 0])
+        )
+        some = np.flatnonzero(below[:, 0])
+        return [upper, self._beneath(lower.of(some), below[some, 1], below[some, 2:])]
 
     def _speed(self, px_per_s: Floats) -> Floats:
         if "smear" not in self.active:
@@ -447,6 +477,8 @@ class Spotter:
     def _by_rays(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> list[Pieces]:
         """Return the spots of some lines, followed ray by ray, at most two pieces for each line.
 
+        Where there is light from beneath surfaces, they are twice as many.
+
         The beam's profile across the scan plane is that of its middle: what a spot's upper and
         lower parts see is taken to be the same, which for a sensor of one row is nearly so. While
         the laser is on the beam moves over its parts, which stay: they get the light of the moving
@@ -474,9 +506,12 @@ class Spotter:
         unsharp = image.defocus_radius_px(depth, np.inf, lens.f_number, config)
         unsharp -= image.defocus_radius_px(ahead, np.inf, lens.f_number, config)
         same = np.abs(unsharp) < _SHARPEN
+        below = parts.beneath.reshape(*shape, 4)
+        layers = (False, True) if below[:, :, 0].any() else (False,)
         pieces = []
-        for some in (same, ~same):
-            weight = np.where(some, light, 0.0)
+        for some, deep in itertools.product((same, ~same), layers):
+            kind = below[:, :, 0] if deep else 1.0 - below[:, :, 0]
+            weight = np.where(some, light * kind, 0.0)
             whole = weight.sum(axis=1)
             kept = whole > 0.0
             if not kept.any():
@@ -515,6 +550,10 @@ class Spotter:
                     cell_px=(long[:, None] * stretch[kept]) * np.diff(self._offset)[[RAYS // 2, 0]],
                 )
             )
+            if deep:
+                tail, *spread = (mean(below[:, :, k]) for k in (1, 2, 3))
+                pieces[-1] = self._beneath(pieces[-1], tail, np.stack(spread, axis=1))
+                pieces[-1].parts_px = place[kept] + below[kept, :, 1]
         return pieces
 
     def _parts(
@@ -553,7 +592,7 @@ class Spotter:
             whole[even] = known[:, middle : middle + 1] if steady else known @ self._blend.T
             return whole.reshape(-1, *real.shape[1:])
 
-        steady = ("lit", "seen", "point", "target")  # these are the middle ray's
+        steady = ("lit", "seen", "point", "target", "beneath")  # these are the middle ray's
         return Spots(
             **{
                 field.name: joined(
@@ -749,7 +788,7 @@ class Spotter:
             pieces.append(piece.of(electrons > _LEAST_E))
         return pieces
 
-    def _window_ghost(self, timeline: Timeline) -> Pieces:
+    def _window_ghost(self, timeline: Timeline) -> list[Pieces]:
         """Return the second spots that the scan head's window makes: beams of their own.
 
         Each lies on its tangent plane; parts of a spot at an edge are not distinguished.
@@ -759,9 +798,11 @@ class Spotter:
         across = np.stack([np.cos(turned), np.zeros(len(turned)), -np.sin(turned)], axis=1)
         beam = np.stack([np.sin(turned), np.zeros(len(turned)), np.cos(turned)], axis=1)
         spots = self._meet(ghost.shift_mm[:, None] * across, beam, timeline.y_mm)
-        piece = self._whole(spots, timeline, np.arange(len(turned)))
-        power = ghost.power[piece.row]
-        return replace(piece, electrons=piece.electrons * power, whole_e=piece.whole_e * power)
+        pieces = self._whole(spots, timeline, np.arange(len(turned)))
+        for piece in pieces:
+            piece.electrons = piece.electrons * ghost.power[piece.row]
+            piece.whole_e = piece.whole_e * ghost.power[piece.row]
+        return pieces
 
 
 def _lagrange(knots: Floats, at: Floats) -> Floats:

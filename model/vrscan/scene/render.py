@@ -325,7 +325,10 @@ class Renderer:
             spread = 0.5 * pieces.cell_px.max(axis=1) / image.REACH
             used = np.where(pieces.share > 0.0, pieces.parts_px, pieces.place_px[:, None])
             spread = spread + np.abs(used - pieces.place_px[:, None]).max(axis=1) / image.REACH
-        widths = image.window_width(spread, pieces.radius_px, pieces.speed_px, pieces.coma_px)
+        tail = np.abs(pieces.coma_px)
+        if pieces.beneath is not None:
+            tail = tail + np.abs(pieces.beneath[:, 0]) + pieces.beneath[:, 1]
+        widths = image.window_width(spread, pieces.radius_px, pieces.speed_px, tail)
         for width in np.unique(widths):
             rows = np.flatnonzero(widths == width)
             for start in range(0, len(rows), _CHUNK if pieces.parts_px is not None else len(rows)):
@@ -363,6 +366,7 @@ class Renderer:
             ),
             pulse=self._pulse,
             coma_px=some.coma_px if "coma" in self.active and some.speckled else None,
+            beneath=some.beneath,
             transfer=self._pupil(width),
             shape=shape,
             spectrum=spectrum,
@@ -383,10 +387,15 @@ class Renderer:
         blur = SHARP
         if "grain" in self.active:
             with self._clock("grain"):
+                # Light from beneath comes from a wider place.
+                wide, high = some.sigma_px, some.height_px
+                if some.beneath is not None:
+                    across = high / np.maximum(some.beneath[:, 2], 1e-6)
+                    wide, high = np.hypot(wide, some.beneath[:, 1]), np.hypot(high, across)
                 blur = speckle.blur(
                     start[:, None] + np.arange(kept) - some.place_px[:, None],
-                    some.sigma_px,
-                    some.height_px,
+                    wide,
+                    high,
                     some.radius_px,
                     some.speed_px,
                     some.range_mm,
@@ -665,6 +674,7 @@ def _joined(pieces: list[Pieces]) -> Pieces:
             parts_px=None,
             share=None,
             cell_px=None,
+            beneath=None,
             zone=np.full(len(each), np.nan) if each.zone is None else each.zone,
         )
         for each in pieces

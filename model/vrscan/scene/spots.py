@@ -1,6 +1,7 @@
 """Where rays of the beam meet the scene, where the camera sees that, and how much light it gets."""
 
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from vrscan.data.config import Config
 from vrscan.ideal.geometry import project, undistorted
 from vrscan.scene.description import Description
 from vrscan.scene.shapes import dot
-from vrscan.scene.surface import Material, brdf
+from vrscan.scene.surface import Material, beneath, brdf
 from vrscan.scene.targets import World
 
 STEEPEST_PX_PER_MM = 2000.0  # limit of the image's motion with a ray's offset
@@ -53,6 +54,9 @@ class Spots:
     position_px: Floats  # position of the image [n], NaN where there cannot be one
     px_per_mm: Floats  # motion of the image per offset of the ray in the scan plane [n], or 0
     collected: Floats  # share of the ray's light that enters the pupil [n], 0 where not seen
+    # Of light from beneath the surface: its share of ``collected``, the mean distance of its image
+    # from the spot's, px, and the scales of its spread along and across the row, px [n, 4].
+    beneath: Floats
 
 
 def meet(
@@ -66,6 +70,7 @@ def meet(
     *,
     gloss: bool,
     falloff: bool,
+    subsurface: bool = False,
 ) -> Spots:
     """Follow rays to the scene and on to the camera.
 
@@ -83,14 +88,13 @@ def meet(
         y_mm: Position of the scanner along y [n].
         gloss: Whether lobes are included.
         falloff: Whether the pupil is foreshortened.
+        subsurface: Whether light from beneath surfaces is followed.
     """
     if len(origin) > _RAYS:
         rays = [slice(first, first + _RAYS) for first in range(0, len(origin), _RAYS)]
+        on = partial(meet, gloss=gloss, falloff=falloff, subsurface=subsurface)
         given = world, materials, scene, config
-        parts = [
-            meet(*given, origin[k], direction[k], y_mm[k], gloss=gloss, falloff=falloff)
-            for k in rays
-        ]
+        parts = [on(*given, origin[k], direction[k], y_mm[k]) for k in rays]
         names = [field.name for field in fields(Spots)]
         return Spots(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
     camera = Camera.of(config, scene.lens.f_number)
@@ -117,6 +121,7 @@ def meet(
         position_px=position,
         px_per_mm=np.zeros(len(lit)),
         collected=np.zeros(len(lit)),
+        beneath=np.zeros((len(lit), 4)),
     )
     if len(rows) == 0:
         return found
@@ -137,10 +142,11 @@ def meet(
     along = (ray[:, 2] * normal[:, 0] - ray[:, 0] * normal[:, 2]) / slant
     step_x, step_z = ray[:, 2] - along * ray[:, 0], -ray[:, 0] - along * ray[:, 2]
     tangent = lateral / deep
-    moved = step_x * (camera.side[0] - tangent * camera.axis[0])
-    moved += step_z * (camera.side[2] - tangent * camera.axis[2])
     _, slope = undistorted(position[rows], config.geometry)
-    lean = config.geometry.focal_mm * moved / deep / slope
+    scale = config.geometry.focal_mm / deep / slope
+    # The image's motion with x and z of a point.
+    by_x, by_z = (scale * (camera.side[k] - tangent * camera.axis[k]) for k in (0, 2))
+    lean = step_x * by_x + step_z * by_z
     found.px_per_mm[rows] = np.clip(lean, -STEEPEST_PX_PER_MM, STEEPEST_PX_PER_MM)
 
     upright = np.maximum(dot(view, normal), 0.0)
@@ -151,19 +157,36 @@ def meet(
         own = np.flatnonzero(clear & kinds[target])
         if len(own) == 0:
             continue
+        matt = material.reflectance / np.pi * hits.albedo[rows[own]]
         if material.gloss == 0.0 or not gloss:
             # Only Lambert's reflection, which saves the computation of a lobe.
-            albedo = hits.albedo[rows[own]]
-            scattered[own] = material.reflectance / np.pi * albedo * (slant[own] < 0.0)
+            scattered[own] = matt * (slant[own] < 0.0)
+        else:
+            scattered[own] = brdf(
+                material,
+                ray[own],
+                normal[own],
+                view[own],
+                hits.albedo[rows[own]],
+                wavelength_nm=scene.laser.wavelength_nm,
+                acceptance_rad=np.sqrt(camera.pupil_mm2 / np.pi) / far[own],
+            )
+        kind = material.subsurface
+        lit_there = scattered[own] > 0.0
+        own, matt = own[lit_there], matt[lit_there]
+        if kind is None or not subsurface or len(own) == 0:
             continue
-        scattered[own] = brdf(
-            material,
-            ray[own],
-            normal[own],
-            view[own],
-            hits.albedo[rows[own]],
-            wavelength_nm=scene.laser.wavelength_nm,
-            acceptance_rad=np.sqrt(camera.pupil_mm2 / np.pi) / far[own],
+        away = beneath(ray[own], normal[own], view[own])
+        along_px = np.abs(lean[own]) / np.hypot(1.0, along[own])  # px per mm of the surface
+        across_px = config.geometry.focal_mm / config.geometry.pitch_mm / deep[own]
+        found.beneath[rows[own]] = np.stack(
+            [
+                kind.share * matt / scattered[own],
+                kind.length_mm * (away[:, 0] * by_x[own] + away[:, 2] * by_z[own]),
+                kind.lateral_mm * along_px,
+                kind.lateral_mm * across_px,
+            ],
+            axis=1,
         )
     solid = camera.pupil_mm2 / square
     if falloff:

@@ -20,8 +20,28 @@ from vrscan.scene.shapes import dot
 
 MIRROR_STEP = 2.0  # change of the refractive index, dn, that stands for a reflection
 WAVELENGTH_NM = 658.0
+INDEX = 1.5  # refractive index of materials that light enters: plastics, wax, cellulose, marble
 
 Wavelength = Annotated[float, Field(ge=100, le=20_000)]
+
+
+class Subsurface(Section):
+    """The part of a material's matt light that leaves beside where it entered, ``subsurface``.
+
+    ``length_mm`` is the mean way along the refracted beam to where that light turns back. On the
+    surface it is spread to all sides, as a diffusion with attenuation spreads it: ``spread_mm`` is
+    the scale of that spread seen from the side, an exponential to both sides.
+    """
+
+    share: float = Field(gt=0, le=0.9)
+    length_mm: float = Field(gt=0, le=100)
+    spread_mm: float | None = Field(default=None, ge=0, le=100)  # None: twice length_mm
+    looks: float = Field(default=4.0, ge=1, le=1000)  # its independent speckle patterns
+
+    @property
+    def lateral_mm(self) -> float:
+        """Return the scale of the spread."""
+        return 2.0 * self.length_mm if self.spread_mm is None else self.spread_mm
 
 
 class Material(Section):
@@ -44,6 +64,7 @@ class Material(Section):
     surface_wave_um: Annotated[float, Field(gt=0, le=1e6)] = 20.0  # typical wavelength of roughness
     slope: float = Field(default=2.2, gt=0, le=20)  # slope of the scatter at high spatial frequency
     looks: float | None = Field(default=None, ge=1, le=1000)
+    subsurface: Subsurface | None = None  # None: all light leaves where it enters
 
     @model_validator(mode="after")
     def _passive(self) -> "Material":
@@ -126,6 +147,27 @@ def brdf(
             )
         scattered = scattered + material.gloss * lobe
     return np.where(lit, scattered, 0.0)
+
+
+def beneath(incident: Floats, normal: Floats, view: Floats) -> Floats:
+    """Return how far light leaves from where it entered, over its way along the refracted beam.
+
+    At a depth on the refracted beam it turns to where it is refracted into the view. Both are
+    Snell's, with ``INDEX``. Their components along the surface are those outside over the index.
+
+    Args:
+        incident: Unit vectors towards the surface [n, 3].
+        normal: Unit normals [n, 3].
+        view: Unit vectors away from the surface [n, 3].
+
+    Returns:
+        Vectors along the surface [n, 3]; they have no meaning where light or camera is below it.
+    """
+    cos_in, cos_out = -dot(incident, normal), dot(view, normal)
+    down, up = (np.sqrt(INDEX**2 - 1.0 + np.square(cosine)) for cosine in (cos_in, cos_out))
+    entered = incident + cos_in[:, None] * normal
+    left = view - cos_out[:, None] * normal
+    return np.asarray((entered + (down / up)[:, None] * left) / INDEX)
 
 
 def core(material: Material, wavelength_nm: float) -> tuple[float, float, float]:

@@ -35,6 +35,7 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
         Column("valid", lambda e: e.points / e.lines if e.lines else None, "{:.1f} %",
                scale=100, absent="-"),
         Column("astray", lambda e: e.astray),
+        Column("mean", lambda e: e.mean_mm, "{:.4f}", unit="mm", absent="-"),
         Column("rms", lambda e: e.rms_mm, "{:.4f}", unit="mm", absent="-"),
         Column("max", lambda e: e.max_mm, "{:.4f}", unit="mm", absent="-"),
         Column("rms", lambda e: e.rms_percent, "{:.4f}", unit="%", absent="-"),

@@ -18,7 +18,8 @@ class Errors:
     lines: int  # number of lines with a spot that the camera sees
     points: int
     astray: int  # points more than ``ASTRAY_PX`` off on the sensor: on another spot
-    rms_mm: float  # rms error of the other points, as all that follows
+    mean_mm: float  # mean error of the other points, positive where they lie too deep
+    rms_mm: float  # rms error of these points, as all that follows
     max_mm: float
     rms_percent: float  # rms error over the range
     max_percent: float
@@ -32,6 +33,7 @@ class Sums:
     lines: int = 0  # as in ``Errors``, like points
     points: int = 0
     good: int = 0  # points that are not astray
+    sum_mm: float = 0.0
     square_mm: float = 0.0
     max_mm: float = 0.0
     square_percent: float = 0.0
@@ -55,6 +57,7 @@ class Sums:
             lines=self.lines,
             points=self.points,
             astray=self.points - self.good,
+            mean_mm=self.sum_mm / self.good if self.good else float("nan"),
             rms_mm=rms(self.square_mm, self.good),
             max_mm=self.max_mm if self.good else float("nan"),
             rms_percent=rms(self.square_percent, self.good),
@@ -113,7 +116,8 @@ def _sums(where: Bools, result: Table, truth: Truth) -> Sums:
     found = where & result.located
     with np.errstate(invalid="ignore"):
         good = found & (np.abs(result.position_px - truth.position_px) <= ASTRAY_PX)
-    error = np.abs(result.z_mm[good] - truth.z_mm[good])
+    signed = result.z_mm[good] - truth.z_mm[good]
+    error = np.abs(signed)
     share = 100.0 * error / truth.z_mm[good]  # spot and point are on one ray
     sigma = result.sigma_z_mm[good]
     ratio = error[sigma > 0.0] / sigma[sigma > 0.0]  # a sigma may round to 0
@@ -125,6 +129,7 @@ def _sums(where: Bools, result: Table, truth: Truth) -> Sums:
         lines=int(where.sum()),
         points=int(found.sum()),
         good=int(good.sum()),
+        sum_mm=float(signed.sum()),
         square_mm=square(error),
         max_mm=float(error.max(initial=0.0)),
         square_percent=square(share),
