@@ -7,6 +7,9 @@ fitted to the medians of all levels, the bed's own 0 mm among them.
 A line has a usable spot where its maximum is at least 5 % of full scale above the line's median:
 the dimmest spot for which the shipped thresholds are stated. Darker lines are where the staircase
 hides the stripe from the camera; what the chain says of them is counted and shown too.
+
+A surface's stripe is smooth along a picture, so what positions have beside a parabola over its rows
+is the detector's scatter.
 """
 
 import argparse
@@ -21,16 +24,19 @@ from scipy.optimize import least_squares
 
 from vrscan.data import config as configuration
 from vrscan.data import line_files
-from vrscan.data.arrays import Bools, Floats, Pixels
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.data.errors import InputError
 from vrscan.data.table import Table
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
 from vrscan.show.sheet import Column, Sheet
+from vrscan.study.report.efficiency import with_window
 
 USABLE_SHARE = 0.05  # of full scale, maximum above median
 GOAL_VALID = 0.95
 GOAL_MM = 0.3
+WINDOWS = "fit", "two_pass", "threshold"
+FEWEST_ROWS = 8  # of a surface in a picture
 
 
 @dataclass(frozen=True)
@@ -123,6 +129,55 @@ def evaluate(result: Table, usable: Bools, height_mm: Floats) -> Outcome:
     )
 
 
+def scatter(result: Table, rows: Floats, surface: Ints, some: Bools) -> float:
+    """Return half the distance of the 16th and 84th percentile of positions beside parabolas, px.
+
+    Args:
+        result: Points of n lines.
+        rows: Row of the picture of each line, and its offset on the line, px [2, n].
+        surface: Number of the surface of a picture that each line hits [n].
+        some: Lines that count [n].
+    """
+    row, offset = rows
+    beside = []
+    for number in range(surface.max() + 1):
+        lines = np.flatnonzero(some & (surface == number))
+        if len(lines) < FEWEST_ROWS:
+            continue
+        place, across = result.position_px[lines] - offset[lines], row[lines]
+        kept = np.full(len(lines), True)
+        for _ in range(3):
+            parabola = np.polynomial.Polynomial.fit(across[kept], place[kept], 2)
+            rest = place - parabola(across)
+            kept = np.abs(rest) <= 4.5 * np.median(np.abs(rest[kept])) + 1e-9
+        beside.append(rest)
+    return float(np.diff(np.percentile(np.concatenate(beside), [16.0, 84.0]))[0]) / 2.0
+
+
+def scatters(path: Path, engine: Engine) -> dict[str, tuple[float, float]]:
+    """Return the scatter of each window's positions, of clear and of saturated lines, px."""
+    config = configuration.load(None)
+    recording = line_files.read(path, config)
+    with np.load(path) as arrays:
+        rows = np.stack([arrays["row"], arrays["offset"]]).astype(np.float64)
+        height, frame, scan = (arrays[name] for name in ("height_mm", "frame", "scan"))
+    known = np.isfinite(height)
+    keys = np.stack([scan == "bed", frame, np.round(100 * np.where(known, height, 0))], axis=1)
+    surface = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    found = {
+        window: engines.run(engine, recording, with_window(config, window)) for window in WINDOWS
+    }
+    good = np.all([each.measured for each in found.values()], axis=0) & known
+    full = found[WINDOWS[0]].flags["SATURATED"]
+    return {
+        window: (
+            scatter(each, rows, surface, good & ~full),
+            scatter(each, rows, surface, good & full),
+        )
+        for window, each in found.items()
+    }
+
+
 def experiment(path: Path, engine: Engine, config_path: Path | None = None) -> Outcome:
     """Run the lines of ``path`` through an engine and evaluate them.
 
@@ -185,7 +240,10 @@ def main() -> int:
     except InputError as error:
         print(f"stairs: {error}", file=sys.stderr)
         return 2
-    show(outcome, arguments.engine, Console(width=None if sys.stdout.isatty() else 120))
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    show(outcome, arguments.engine, console)
+    for window, (clear, full) in scatters(arguments.data, arguments.engine).items():
+        console.print(f"{window}: scatter {clear:.3f} px, of saturated lines {full:.3f} px")
     return 0 if outcome.good else 1
 
 

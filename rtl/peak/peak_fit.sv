@@ -11,9 +11,14 @@
 // not see, turn the middle of the spot against the whole: the slope of the quotients there, squared,
 // over what independent pixels make of it, averaged over 32 lines, tells what they add to sigma.
 //
-// Where the fit's chi squared with grains is above 5 a degree of freedom, its place far off or beyond
-// the line, or an eighth of the pixels saturated, the spot is no Gaussian, and position_o is
-// what came in.
+// A foot on one side of the spot turns the middle to the same side line after line.  Where the leans
+// of the second pass, with their signs, add up over 32 lines to 5/8 of their sum, a fit ends at
+// u**2 = 3, and at 2 where their mean is 4 or more; the lean is that of the whole then, and counts
+// by itself.
+//
+// Where the fit's chi squared is above 5 a degree of freedom with grains or above 7.5 without, its
+// place far off or beyond the line, or an eighth of the pixels saturated, the spot is no Gaussian,
+// and position_o is what came in.
 //
 //   measured_i       low: the line has no spot, and takes part in the history only
 //   left_i, width_i  the second window; position_i and slope_i are those it has given
@@ -135,6 +140,8 @@ module peak_fit #(
   logic signed [43:0] chi_q;  // 28
   logic        [24:0] s2_middle_q;  // of the middle alone
   logic signed [43:0] b1_middle_q;  // 29
+  logic        [24:0] s2_whole_q;  // wherever the fit ends
+  logic signed [43:0] b1_whole_q;  // 29
   logic        [ 7:0] pixels_q, clipped_q;
   logic        [ 9:0] quads_q;  // five times their number
   logic        [41:0] rough_q;  // 22
@@ -156,7 +163,7 @@ module peak_fit #(
   } a_e;
   typedef enum logic [4:0] {
     B_SIGMA_TO_SCALE, B_HALF_SPAN, B_DEVIATION, B_AMPLITUDE, B_SPECKLE, B_STEP, B_FACTOR, B_LIGHT,
-    B_LN4, B_S2, B_S4, B_B0, B_B2, B_SLOPE, B_SCALE, B_LIFTED, B_OPERAND
+    B_LN4, B_S2, B_S4, B_B0, B_B2, B_MIDDLE, B_SLOPE, B_SCALE, B_LIFTED, B_OPERAND
   } b_e;
   a_e   a_select_q;
   b_e   b_select_q;
@@ -263,32 +270,91 @@ module peak_fit #(
   localparam logic        [            16:0] PriorLean  = 17'(3 << 8);  // two lines of 3/2
   localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd600;  // 5/2 of 15/16
   localparam logic signed [ QuotientWidth:0] MostGrains = 27'(7 << 8);
-  localparam logic        [            10:0] CoarseGrains = 11'(2 << 8);
+  localparam int unsigned OwnWidth = 13;
+  localparam logic        [    OwnWidth-1:0] CoarseGrains = OwnWidth'(2 << 8);
+  localparam logic        [    OwnWidth-1:0] OwnLean      = OwnWidth'(12 << 8);
+  localparam logic        [    OwnWidth-1:0] MostOwn      = OwnWidth'(31 << 8);
   // Of the last lines; the highest bit says whether there is one.
   logic        [   LeanWidth:0] lean_mem [vrscan_pkg::SpeckleDepth];
   logic        [   LeanWidth:0] line_lean_q, oldest_lean_q;
+  logic        [ LeanWidth-1:0] limited_lean;
   logic        [$clog2(vrscan_pkg::SpeckleDepth)-1:0] lean_at_q;
   logic                         lean_full_q, lean_push;
   logic        [          16:0] leans_q;
   logic        [           5:0] fits_q;
-  logic        [          24:0] free_q;
-  logic signed [          28:0] b1_middle;
-  logic signed [SlopeWidth-1:0] middle_slope_q;
+  logic        [          24:0] other_q;  // sum of u**2 of what is turned against the fit
+  logic        [QuotientWidth-1:0] free_q;
+  logic signed [          28:0] b1_middle, b1_whole;
+  logic signed [SlopeWidth-1:0] turn_q;  // of numerator_q
   logic signed [QuotientWidth:0] more_q;
-  logic        [          10:0] grains_q;  // 8 fraction bits
+  logic        [  OwnWidth-1:0] own_lean_q, common_q, grains_q;  // 8 fraction bits
+  logic                         by_itself_q;
   logic        [          38:0] grown_q;
+  logic        [          33:0] grown_limited;
   assign b1_middle = 29'(b1_middle_q >>> 15);
+  assign b1_whole  = 29'(b1_whole_q >>> 15);
+  assign grown_limited = |grown_q[38:34] ? '1 : grown_q[33:0];
+  assign limited_lean = second_quotient > QuotientWidth'(MostLean)
+                        ? MostLean : second_quotient[LeanWidth-1:0];
   always_ff @(posedge clk_i) begin
-    free_q         <= first_quotient[QuotientWidth-1] || first_quotient[24:0] > s2_middle_q
-                      ? '0 : s2_middle_q - first_quotient[24:0];
-    middle_slope_q <= b1_middle[28:SlopeWidth-1] == '0 || b1_middle[28:SlopeWidth-1] == '1
-                      ? b1_middle[SlopeWidth-1:0]
-                      : signed'({b1_middle[28], {(SlopeWidth - 1){!b1_middle[28]}}});
+    other_q <= foot_q && pass_q != 2'd1 ? s2_whole_q : s2_middle_q;
+    free_q  <= first_quotient > QuotientWidth'(other_q) ? first_quotient - QuotientWidth'(other_q)
+               : QuotientWidth'(other_q) - first_quotient;
+    turn_q  <= numerator_q[35:SlopeWidth-1] == '0 || numerator_q[35:SlopeWidth-1] == '1
+               ? numerator_q[SlopeWidth-1:0]
+               : signed'({numerator_q[35], {(SlopeWidth - 1){!numerator_q[35]}}});
     // 5/2 of the mean lean, of which the quotient is four times.
-    more_q         <= signed'((27'(first_quotient) >> 1) + (27'(first_quotient) >> 3)) - FineLean;
-    grains_q       <= more_q[QuotientWidth] ? '0
-                      : more_q > MostGrains ? 11'(MostGrains) : unsigned'(more_q[10:0]);
-    grown_q        <= 39'(correlated_q) + 39'(product[47:10]);
+    more_q      <= signed'((27'(first_quotient) >> 1) + (27'(first_quotient) >> 3)) - FineLean;
+    common_q    <= more_q[QuotientWidth] ? '0
+                   : more_q > MostGrains ? OwnWidth'(MostGrains) : unsigned'(more_q[OwnWidth-1:0]);
+    by_itself_q <= foot_q || (own_lean_q > OwnLean && own_lean_q > common_q);
+    grains_q    <= by_itself_q ? own_lean_q : common_q;
+    grown_q     <= 39'(correlated_q) + 39'(product[47:10]);
+  end
+
+  // ---- the foot: leans of the second pass with their signs, and where a fit ends ----
+  localparam logic [16:0] MoreLean = 17'(8 << 8);
+  // Of the last lines, where lean_mem has them: whether there is one, its sign and its size.
+  logic        [LeanWidth+1:0] foot_mem [vrscan_pkg::SpeckleDepth];
+  logic        [LeanWidth+1:0] oldest_foot_q, line_foot, foot_change;
+  logic        [LeanWidth-1:0] foot_lean_q;
+  logic                        foot_drop, foot_push;
+  logic signed [         17:0] turned_q;
+  logic        [         16:0] feet_q, turned_size_q;
+  logic        [          5:0] clear_q;  // lines without a saturated pixel
+  logic        [         20:0] all_feet_q;
+  logic                        told_q, large_q;
+  // Of the pass that runs: whether a fit ends before the window, and where u**2 is 2.
+  logic                        foot_q, large_foot_q;
+  logic                        clear_line_q;
+  assign line_foot   = {whole_q, numerator_q[35], foot_lean_q};
+  assign foot_change = foot_drop ? oldest_foot_q : line_foot;
+  always_ff @(posedge clk_i) begin
+    turned_size_q <= turned_q[17] ? unsigned'(-turned_q[16:0]) : unsigned'(turned_q[16:0]);
+    all_feet_q    <= 21'(feet_q + MoreLean) + (21'(feet_q + MoreLean) << 2);
+    told_q        <= {1'b0, turned_size_q, 3'd0} >= all_feet_q;
+    large_q       <= turned_size_q >= {1'b0, clear_q, 10'd0};
+    oldest_foot_q <= lean_full_q ? foot_mem[lean_at_q] : '0;
+    if (foot_push) foot_mem[lean_at_q] <= line_foot;
+    else if (foot_drop) foot_mem[lean_at_q] <= '0;
+    if (foot_push || foot_drop) begin
+      turned_q <= foot_change[LeanWidth] ^ foot_drop ? turned_q - 18'(foot_change[LeanWidth-1:0])
+                  : turned_q + 18'(foot_change[LeanWidth-1:0]);
+      feet_q   <= foot_drop ? feet_q - 17'(foot_change[LeanWidth-1:0])
+                  : feet_q + 17'(foot_change[LeanWidth-1:0]);
+      clear_q  <= foot_drop ? clear_q - 6'(foot_change[LeanWidth+1])
+                  : clear_q + 6'(foot_change[LeanWidth+1]);
+    end
+    if (foot_push) clear_line_q <= whole_q;
+    if (run_start_q) begin
+      foot_q       <= told_q && (pass_q == 2'd1 || (pass_q[1] && clear_line_q));
+      large_foot_q <= large_q;
+    end
+    if (rst_i) begin
+      turned_q <= '0;
+      feet_q   <= '0;
+      clear_q  <= '0;
+    end
   end
 
   // The variance at the top, and with its neighbours' share of the speckle.
@@ -390,6 +456,8 @@ module peak_fit #(
   logic signed [24:0] moved_q;
   logic        [23:0] reach_q;
   logic        [40:0] mixed_limit_q;  // three times the limit
+  logic        [39:0] close_limit_q;  // three halves of it
+  logic               chi_close_q, close_q;
   logic               chi_small_q, enough_q, unclipped_q, whole_q, on_line_q, near_q, within_q;
   logic               chi_large_q, eligible_q, inner_q, plain_q, mixed_q;
   // Of a fit that does not stand, twice as much.
@@ -411,6 +479,8 @@ module peak_fit #(
     chi_small_q <= chi_q <= 44'(signed'({1'b0, chi_limit_q}));
     mixed_limit_q <= 41'({chi_limit_q, 1'b0}) + 41'(chi_limit_q);
     chi_large_q <= chi_q > 44'(signed'({1'b0, mixed_limit_q}));
+    close_limit_q <= 40'(chi_limit_q) + 40'(chi_limit_q >> 1);
+    chi_close_q   <= chi_q <= 44'(signed'({1'b0, close_limit_q}));
     enough_q    <= pixels_q >= 8'd4;
     unclipped_q <= (11'(clipped_q) << 3) <= 11'(pixels_q) + 11'(clipped_q);
     whole_q     <= clipped_q == '0;
@@ -460,6 +530,7 @@ module peak_fit #(
       B_S4:             b_q <= FactorWidth'(s4);
       B_B0:             b_q <= FactorWidth'(b0_q);
       B_B2:             b_q <= FactorWidth'(b2);
+      B_MIDDLE:         b_q <= FactorWidth'(s2_middle_q);
       B_SLOPE:          b_q <= FactorWidth'(slope_ln4_q);
       B_SCALE:          b_q <= FactorWidth'(scale_q);
       B_LIFTED:         b_q <= FactorWidth'(lifted_q);
@@ -480,20 +551,26 @@ module peak_fit #(
     OWN_IN, VARIANCE, TOTAL, SHARE, ORIGIN, ORIGIN_IN, RUN,
     MADE, LIGHT, MADE_IN, LIGHT_IN, WEIGHT, WEIGHT_IN, NOISE, MOST, EXCEED, CLIP, HISTORY, CHANGE,
     STEADY, SPECKLE,
+    FOOT, FOOT_SQUARE, FOOT_SHARE, FOOT_OWN_IN, FOOT_SQUARE_IN, FOOT_SHARE_IN, FOOT_TURN,
+    FOOT_SLOPE, FOOT_PUSH,
     SLOPE, FOURTH, SECOND, CURVE, DROP, SLOPE_IN, FOURTH_IN, SECOND_IN, CURVE_IN, DROP_IN, EXCESS,
     DIVISOR_IN, DETERMINANT_IN, STRETCH, MOVE, WIDEN, STRETCH_IN, MOVE_IN, WIDEN_IN, CLAMP, STEP,
     REST_IN, REST, RISE, LIMIT, RAISE, AMPLITUDE,
-    LEAN, CHI_IN, LEAN_IN, FREE, FREE_IN, LEANS, PUSH, MEAN, GRAINS, SETTLE, ADDED,
+    LEAN, CHI_IN, LEAN_IN, FREE, FREE_IN, LEANS, PUSH, MEAN, GRAINS, SETTLE, ADDED, OWN_ADDED,
     ADDED_IN, MIXED, ROOT, MIXED_IN, ROOT_IN, ROOTED, SPREAD_IN, JUDGE, DONE
   } state_e;
   // From 32 states on Yosys would number them, and knowing the state would take half a clock.
   (* fsm_encoding = "one-hot" *)
   state_e state_q;
-  logic [4:0] steps_q;  // of a state that lasts some clocks
+  logic [6:0] steps_q;  // of a state that lasts some clocks
   logic       settled;
   assign settled = steps_q == '0;
+  localparam logic [6:0] Rest = 7'd93;  // clocks that a line without a spot waits
   // A line without a spot takes part, too.
   assign lean_push = state_q == PUSH || (state_q == HISTORY && !measured_q);
+  // The oldest foot goes with a line's first clocks, its own comes where it is known.
+  assign foot_drop = state_q == LEVEL || (state_q == HISTORY && !measured_q);
+  assign foot_push = state_q == FOOT_PUSH;
 
   logic run_start_q, run_done, loading_q;
 
@@ -505,7 +582,7 @@ module peak_fit #(
     valid_o        <= 1'b0;
     changed_q      <= 1'b0;
     dividing_q     <= (dividing_q | divide_start_q) & ~quotient_valid;
-    if (!settled) steps_q <= steps_q - 5'd1;
+    if (!settled) steps_q <= steps_q - 7'd1;
     deviation_q    <= noise_q[23:7];
     if (changed_q) begin
       roughness_q <= roughness_q + 54'(rough_change_q);
@@ -549,7 +626,7 @@ module peak_fit #(
         if (noise_q < NoiseFloor) noise_q <= NoiseFloor;
         gain_q   <= 30'(kappa_i);
         lift_q   <= '0;
-        steps_q  <= 5'd22;
+        steps_q  <= 7'd22;
         state_q  <= LIFT;
       end
       // What does not fit is all ones, which stay.
@@ -691,7 +768,7 @@ module peak_fit #(
         state_q    <= WEIGHT_IN;
       end
       WEIGHT_IN: begin
-        steps_q <= 5'd15;
+        steps_q <= 7'd15;
         if (product_valid) begin
           weight_q <= 41'(product[24:0]);
           state_q  <= NOISE;
@@ -719,6 +796,8 @@ module peak_fit #(
         history_at_q    <= history_at_q + HistoryStep;
         if (history_at_q == '1) history_full_q <= 1'b1;
         within_q        <= 1'b0;
+        // The line before may have ended late, and what takes the point needs its time.
+        if (!measured_q) steps_q <= Rest;
         state_q         <= measured_q ? CHANGE : DONE;
       end
       CHANGE: state_q <= STEADY;
@@ -733,8 +812,52 @@ module peak_fit #(
       SPECKLE: if (divided) begin
         // A line's roughness is limited to 3/8 of its weight, so this fits.
         speckle_q <= jump_q ? second_quotient[19:0] : first_quotient[19:0];
-        state_q   <= SLOPE;
+        state_q   <= FOOT;
       end
+
+      // The slope of the middle without its share of the whole's, and the variance for it.
+      FOOT: begin
+        issue_q     <= 1'b1;
+        a_select_q  <= A_AREA;
+        b_select_q  <= B_SPECKLE;
+        numerator_q <= 36'(b1_whole);
+        state_q     <= FOOT_SQUARE;
+      end
+      FOOT_SQUARE: begin
+        issue_q         <= 1'b1;
+        operand_q       <= FactorWidth'(s2_middle_q);
+        a_select_q      <= A_OPERAND;
+        b_select_q      <= B_MIDDLE;
+        move_negative_q <= numerator_q[35];
+        state_q         <= FOOT_SHARE;
+      end
+      FOOT_SHARE: begin
+        issue_q   <= 1'b1;
+        operand_q <= FactorWidth'(magnitude_q[28:0]);
+        state_q   <= FOOT_OWN_IN;
+      end
+      FOOT_OWN_IN: if (product_valid) begin
+        speckle_part_q <= |product[53:48] ? '1 : product[47:14];
+        state_q        <= FOOT_SQUARE_IN;
+      end
+      FOOT_SQUARE_IN: if (product_valid) begin
+        first_dividend_q <= DividendWidth'(product[49:0]);
+        first_divisor_q  <= DivisorWidth'(s2_whole_q);
+        state_q          <= FOOT_SHARE_IN;
+      end
+      FOOT_SHARE_IN: if (product_valid) begin
+        second_dividend_q <= DividendWidth'(product[53:0]);
+        second_divisor_q  <= DivisorWidth'(s2_whole_q);
+        divide_start_q    <= '1;
+        state_q           <= FOOT_TURN;
+      end
+      FOOT_TURN: if (divided) begin
+        numerator_q <= move_negative_q ? 36'(b1_middle) + 36'(second_quotient)
+                       : 36'(b1_middle) - 36'(second_quotient);
+        state_q     <= FOOT_SLOPE;
+      end
+      FOOT_SLOPE: state_q <= LEAN;
+      FOOT_PUSH: state_q <= SLOPE;
 
       // The step: slope to place, curvature to width, the rest to amplitude.
       SLOPE: begin
@@ -791,7 +914,7 @@ module peak_fit #(
       end
       EXCESS: begin
         issue_q     <= 1'b1;
-        operand_q   <= FactorWidth'(s2_middle_q);
+        operand_q   <= FactorWidth'(other_q);
         a_select_q  <= A_OPERAND;
         b_select_q  <= B_OPERAND;
         numerator_q <= 36'(difference_q >>> 16);
@@ -813,7 +936,7 @@ module peak_fit #(
         issue_q    <= 1'b1;
         a_select_q <= A_STRETCH;
         b_select_q <= B_SLOPE;
-        // What of the middle's sum is not the whole's, for the lean; the product is its square.
+        // What of the other's sum is not the fit's, for the lean; the product is its square.
         first_dividend_q  <= DividendWidth'(product[49:0]);
         first_divisor_q   <= DivisorWidth'(s2_q);
         divide_start_q[0] <= pass_q == 2'd3;
@@ -851,7 +974,8 @@ module peak_fit #(
         place_q <= stepped_place_q[25] ? '0
                    : stepped_place_q[24:PlaceFraction] >= 9'(Span) ? LastPlace
                    : unsigned'(stepped_place_q[23:0]);
-        state_q <= STEP;
+        numerator_q <= foot_q ? 36'(b1_whole) : 36'(b1_middle);
+        state_q     <= STEP;
       end
       STEP: begin
         scale_q    <= narrow_q ? least_q : wide_q ? most_q : unsigned'(stepped_scale_q[17:0]);
@@ -896,10 +1020,10 @@ module peak_fit #(
       // The standard deviation, and whether the fit stands.
       LEAN: begin
         issue_q    <= 1'b1;
-        operand_q  <= FactorWidth'(middle_slope_q);
+        operand_q  <= FactorWidth'(turn_q);
         a_select_q <= A_OPERAND;
         b_select_q <= B_OPERAND;
-        state_q    <= CHI_IN;
+        state_q    <= pass_q == 2'd3 ? CHI_IN : LEAN_IN;
       end
       CHI_IN: if (product_valid) begin
         chi_limit_q <= product[44:6];
@@ -919,15 +1043,18 @@ module peak_fit #(
       FREE_IN: if (product_valid) begin
         eligible_q <= enough_q && start_inside_q && on_line_q && near_q && unclipped_q;
         plain_q    <= chi_small_q;
-        second_divisor_q  <= |product[58:56] ? '1 : product[55:18];
+        close_q    <= chi_close_q;
+        second_divisor_q  <= |product[59:56] ? '1 : product[55:18];
         divide_start_q[1] <= 1'b1;
         state_q           <= LEANS;
       end
       LEANS: if (divided) begin
-        if (eligible_q && inner_q && !chi_large_q)
-          line_lean_q <= {1'b1, second_quotient > QuotientWidth'(MostLean)
-                                ? MostLean : second_quotient[LeanWidth-1:0]};
-        state_q <= PUSH;
+        own_lean_q  <= second_quotient > QuotientWidth'(MostOwn)
+                       ? MostOwn : second_quotient[OwnWidth-1:0];
+        foot_lean_q <= whole_q ? limited_lean : '0;
+        if (pass_q == 2'd3 && eligible_q && inner_q && !chi_large_q)
+          line_lean_q <= {1'b1, limited_lean};
+        state_q <= pass_q == 2'd3 ? PUSH : FOOT_PUSH;
       end
       PUSH: state_q <= MEAN;
       MEAN: begin
@@ -936,27 +1063,39 @@ module peak_fit #(
         divide_start_q[0] <= 1'b1;
         state_q           <= GRAINS;
       end
-      GRAINS: if (divided) state_q <= SETTLE;
-      SETTLE: state_q <= ADDED;
+      GRAINS: begin
+        steps_q <= 7'd1;
+        if (divided) state_q <= SETTLE;
+      end
+      SETTLE: if (settled) state_q <= ADDED;
       // It counts 5/4 times: neighbours share it.  Coarse grains hide from differences.
+      // What is common to the lines limits chi squared, a line's own counts in its sigma only.
       ADDED: begin
+        issue_q    <= 1'b1;
+        operand_q  <= common_q >= CoarseGrains ? FactorWidth'(total_q) :
+                      FactorWidth'(speckle_part_q);
+        lifted_q   <= (22'(common_q) << 2) + 22'(common_q);
+        a_select_q <= A_OPERAND;
+        b_select_q <= B_LIFTED;
+        state_q    <= OWN_ADDED;
+      end
+      OWN_ADDED: begin
         issue_q    <= 1'b1;
         operand_q  <= grains_q >= CoarseGrains ? FactorWidth'(total_q) :
                       FactorWidth'(speckle_part_q);
         lifted_q   <= (22'(grains_q) << 2) + 22'(grains_q);
-        a_select_q <= A_OPERAND;
-        b_select_q <= B_LIFTED;
         state_q    <= ADDED_IN;
       end
       ADDED_IN: if (product_valid) state_q <= MIXED;
       MIXED: begin
         issue_q    <= 1'b1;
-        operand_q  <= |grown_q[38:34] ? FactorWidth'(34'h3_FFFF_FFFF) : FactorWidth'(grown_q[33:0]);
+        operand_q  <= FactorWidth'(grown_limited);
         b_select_q <= B_FACTOR;
         state_q    <= ROOT;
       end
       ROOT: begin
         issue_q    <= 1'b1;
+        operand_q  <= FactorWidth'(grown_limited);
         b_select_q <= B_S2;
         state_q    <= MIXED_IN;
       end
@@ -976,7 +1115,8 @@ module peak_fit #(
         state_q    <= SPREAD_IN;
       end
       SPREAD_IN: if (product_valid) begin
-        within_q          <= eligible_q && chi_small_q && (inner_q || plain_q);
+        within_q          <= eligible_q && close_q && chi_small_q
+                             && (plain_q || (inner_q && whole_q));
         mixed_q           <= chi_large_q && whole_q;
         first_dividend_q  <= DividendWidth'(product[48:10]);
         divide_start_q[0] <= 1'b1;
@@ -984,7 +1124,7 @@ module peak_fit #(
         state_q           <= JUDGE;
       end
       JUDGE: if (divided) state_q <= DONE;
-      DONE: begin
+      DONE: if (settled) begin
         valid_o    <= 1'b1;
         mixed_o    <= measured_q && mixed_q;
         position_o <= within_q ? PositionWidth'(fit_place_q) : position_q;
@@ -1091,7 +1231,7 @@ module peak_fit #(
   logic signed [17:0]           height_7;
   logic        [16:0]           mantissa_6, mantissa_7;
   logic        [ 2:0]           power_6, power_7;
-  logic                         inside_6, top_6, middle_6;
+  logic                         inside_6, top_6, middle_6, fit_6;
   logic signed [LineWidth-10:0] u_scaled;
   logic        [LevelWidth-2:8] sign_bits_3;  // whether a bit is not as its sign
   logic        [ 6:0]           sign_bits_5, shifted_5;
@@ -1145,6 +1285,9 @@ module peak_fit #(
     inside_6   <= near_5 && online_5 && !clipped_5;
     top_6      <= near_5 && online_5 && !clipped_5 && square_5 < 20'(23 << 14);
     middle_6   <= near_5 && online_5 && !clipped_5 && square_5[19:18] == '0;
+    fit_6      <= near_5 && online_5 && !clipped_5
+                  && (!foot_q || square_5[19:18] == '0
+                      || (!large_foot_q && square_5[19:17] == 3'd2));
 
     height_7   <= fits_6 ? signed'(fine_6) : signed'({negative_6, {17{!negative_6}}});
     mantissa_7 <= mantissa_6;
@@ -1254,6 +1397,14 @@ module peak_fit #(
   logic [21:0] middle_delay_q;  // from stage 7
   logic        inside_19;
   logic        middle_26, middle_28;
+  logic [23:0] fit_delay_q;  // from stage 7
+  logic        fit_21, fit_25, fit_26, fit_28, fit_29, fit_30;
+  assign fit_21 = fit_delay_q[14];
+  assign fit_25 = fit_delay_q[18];
+  assign fit_26 = fit_delay_q[19];
+  assign fit_28 = fit_delay_q[21];
+  assign fit_29 = fit_delay_q[22];
+  assign fit_30 = fit_delay_q[23];
   assign inside_19 = inside_delay_q[12];
   assign middle_26 = middle_delay_q[19];
   assign middle_28 = middle_delay_q[21];
@@ -1276,6 +1427,7 @@ module peak_fit #(
     inside_delay_q <= 13'({inside_delay_q, inside_6});
     top_delay_q    <= 10'({top_delay_q, top_6});
     middle_delay_q <= 22'({middle_delay_q, middle_6});
+    fit_delay_q    <= 24'({fit_delay_q, fit_6});
     u_delay_q      <= (18 * UDelay)'({u_delay_q, unsigned'(u_2)});
     q_delay_q      <= (18 * QDelay)'({q_delay_q, unsigned'(q_13)});
     square_delay_q <= (17 * SquareDelay)'({square_delay_q, square_5[19:3]});
@@ -1364,6 +1516,8 @@ module peak_fit #(
       chi_q               <= '0;
       s2_middle_q         <= '0;
       b1_middle_q         <= '0;
+      s2_whole_q          <= '0;
+      b1_whole_q          <= '0;
       pixels_q            <= '0;
       clipped_q           <= '0;
       quads_q             <= '0;
@@ -1371,19 +1525,23 @@ module peak_fit #(
       differences_noise_q <= '0;
     end else begin
       clipped_q <= clipped_q + 8'(near_5 && online_5 && clipped_5);
-      pixels_q  <= pixels_q + 8'(inside_6);
+      pixels_q  <= pixels_q + 8'(fit_6);
       if (quad_18) begin
         quads_q             <= quads_q + 10'd5;
         differences_noise_q <= differences_noise_q + 37'(four_18);
       end
       if (quad_19) rough_q <= rough_q + 42'(unsigned'(rough_19));
-      s0_q  <= s0_q + 24'(weight_21);
-      s2_q  <= s2_q + 25'(unsigned'(moment_26));
-      b0_q  <= b0_q + 26'(weighted_25);
-      s4_q  <= s4_q + 42'(unsigned'(fourth_30));
-      b1_q  <= b1_q + 44'(slope_28);
-      b2_q  <= b2_q + 43'(curve_29);
-      chi_q <= chi_q + 44'(chi_30);
+      if (fit_21) s0_q <= s0_q + 24'(weight_21);
+      if (fit_26) s2_q <= s2_q + 25'(unsigned'(moment_26));
+      if (fit_25) b0_q <= b0_q + 26'(weighted_25);
+      if (fit_28) b1_q <= b1_q + 44'(slope_28);
+      if (fit_29) b2_q <= b2_q + 43'(curve_29);
+      if (fit_30) begin
+        s4_q  <= s4_q + 42'(unsigned'(fourth_30));
+        chi_q <= chi_q + 44'(chi_30);
+      end
+      s2_whole_q <= s2_whole_q + 25'(unsigned'(moment_26));
+      b1_whole_q <= b1_whole_q + 44'(slope_28);
       if (middle_26) s2_middle_q <= s2_middle_q + 25'(unsigned'(moment_26));
       if (middle_28) b1_middle_q <= b1_middle_q + 44'(slope_28);
     end

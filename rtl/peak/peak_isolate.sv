@@ -15,10 +15,10 @@
 // wide and at most MostRivals others are from min_width to max_core wide.  A clear one is judged by
 // the noise beside it; a broad one or one of many by the spread, where that is larger, because a
 // wall's texture, its edges and its lamps look like that.  A broad one is TOO_WIDE unless it is
-// saturated.  Where a fit follows, runs at most MostGap pixels apart are one: out of focus, coarse
-// speckle breaks a spot up.  At the core level the width of such a one is without the gaps, and one
-// of its parts has to be min_width wide.  Of a window min_width pixels have to be above, two of them
-// side by side, so two hot pixels are no spot.
+// saturated.  Where a fit follows and no pixel is saturated, runs at most MostGap pixels apart are
+// one: out of focus, coarse speckle breaks a spot up.  At the core level the width of such a one is
+// without the gaps, and one of its parts has to be min_width wide.  Of a window min_width pixels
+// have to be above, two of them side by side, so two hot pixels are no spot.
 //
 // Where black is clipped only the tail of the noise is seen, whose sigma is about 1.4 times its
 // variance over its mean.  So noise above the background, but for a row's, is multiplied by 1.4
@@ -104,7 +104,6 @@ module peak_isolate #(
 
   // ---- limits that registers cannot leave ----
   logic [WindowWidth-1:0] min_width_q, below_min_q, max_width_q, max_core_q;
-  logic [   GapWidth-1:0] most_gap_q;
   always_ff @(posedge clk_i) begin
     min_width_q <= peak_i.min_width < WindowWidth'(vrscan_pkg::MinWindow)
                    ? WindowWidth'(vrscan_pkg::MinWindow) : peak_i.min_width;
@@ -112,7 +111,6 @@ module peak_isolate #(
                                                                : peak_i.max_width;
     below_min_q <= min_width_q - WindowWidth'(1);
     max_core_q  <= peak_i.max_core;
-    most_gap_q  <= peak_i.window_fit ? GapWidth'(MostGap) : '0;
   end
 
   // ---- both levels and both limits of the height: five products, one after the other ----
@@ -282,10 +280,13 @@ module peak_isolate #(
   logic                  replay_q, replay_q2, compare_low_snr_q, end_low_snr_q;
   logic                  compare_low_spread_q, end_low_spread_q;
   logic [PixelWidth-1:0] compare_maximum_q, end_maximum_q;
+  logic                  saturated, end_saturated_q;
+  logic [  GapWidth-1:0] most_gap_q;
   logic [CountWidth-1:0] compare_background_q, end_background_q;
   logic [CountWidth-1:0] compare_noise_q, end_noise_q;
   logic [CountWidth-1:0] compare_spread_q, end_spread_q;
   logic [ UserWidth-1:0] compare_user_q, end_user_q;
+  assign saturated = vrscan_pkg::AlignedWidth'(compare_maximum_q) >= peak_i.saturation_level;
   always_ff @(posedge clk_i) begin
     replay_q  <= replay_o;
     replay_q2 <= replay_q;
@@ -307,6 +308,8 @@ module peak_isolate #(
       end_spread_q     <= compare_spread_q;
       end_max_index_q  <= compare_max_index_q;
       end_maximum_q    <= compare_maximum_q;
+      end_saturated_q  <= saturated;
+      most_gap_q       <= !peak_i.window_fit || saturated ? '0 : GapWidth'(MostGap);
       end_background_q <= compare_background_q;
       end_noise_q      <= compare_noise_q;
       end_user_q       <= compare_user_q;
@@ -460,13 +463,12 @@ module peak_isolate #(
   end
 
   // ---- flags ----
-  logic clear, low_snr, saturated, too_narrow, too_wide;
+  logic clear, low_snr, too_narrow, too_wide;
   assign clear      = !broad_q && rivals_q <= RivalWidth'(MostRivals);
   assign low_snr    = end_low_snr_q || (end_low_spread_q && !clear);
   assign too_narrow = !found_enough_q;
-  assign saturated  = vrscan_pkg::AlignedWidth'(end_maximum_q) >= peak_i.saturation_level;
   assign too_wide   = WiderWidth'(found_width_q) > WiderWidth'(max_width_q)
-                      || (broad_q && !saturated);
+                      || (broad_q && !end_saturated_q);
   always_ff @(posedge clk_i) begin
     valid_o <= finish_q;
     if (finish_q) begin
@@ -484,7 +486,7 @@ module peak_isolate #(
       flags_o[vrscan_pkg::FlagTooWide]   <= too_wide;
       flags_o[vrscan_pkg::FlagAtEdge]    <=
           found_q && (found_left_q == '0 || found_right_q == IndexWidth'(LineLength - 1));
-      flags_o[vrscan_pkg::FlagSaturated] <= saturated;
+      flags_o[vrscan_pkg::FlagSaturated] <= end_saturated_q;
       flags_o[vrscan_pkg::FlagRival]     <= rival_q;
     end
     if (rst_i) valid_o <= 1'b0;

@@ -18,7 +18,7 @@ module peak_fit_contract #(
   input wire logic signed [PositionWidth-1:0] position_o
 );
 
-  localparam logic [15:0] Unmeasured = 16'd3;
+  localparam logic [15:0] Unmeasured = 16'd96;
 
   logic                            started_q, takes, measured_q;
   logic        [             15:0] age_q;  // clocks since the spot that was taken; 0 is idle

@@ -302,7 +302,7 @@ async def two_spots_with_a_saturated_pixel_are_not_mixed(dut) -> None:
 async def what_is_not_one_spot_tells_nothing_of_grains(dut) -> None:
     """However far it pulls the middle: neither its own sigma nor the next line's.
 
-    A ramp does, and then has a fit; one that the line's end cuts has none.
+    Seven ramps do, and one that the line's end cuts.
     """
     given = parameters()
     length, pixel_width = given["LineLength"], given["PixelWidth"]
@@ -327,7 +327,46 @@ async def what_is_not_one_spot_tells_nothing_of_grains(dut) -> None:
     before = [PRIOR_LEAN, 2 * PRIOR_LEAN // 3]  # the second line does not lean at all
     assert want.grains[:2].tolist() == [STEEP * (lean - FINE_LEAN) >> 1 for lean in before]
     assert want.grains[-2] == MOST_GRAINS
-    assert want.fitted[-2:].tolist() == [True, False]
+    # Ramps that turn the middle to one side end a fit there, and grains excuse no worse one.
+    assert want.end.tolist() == [8] * 3 + [2] * 6
+    assert want.fitted[-3:].tolist() == [False, False, True]
+
+
+def feet(given: dict[str, int]) -> Cases:
+    """Return spots with a foot: small on the right, large there, then on the left."""
+    length, pixel_width = given["LineLength"], given["PixelWidth"]
+    top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
+    side = np.repeat([1, -1], [16, 30])
+    share = np.repeat([0.008, 0.12, 0.12], [8, 8, 30])
+    away = (np.arange(length) - length // 2) / 6.0 * side[:, None]
+    light = np.exp(-0.5 * away**2) + share[:, None] * np.exp(-0.5 * (away - 2.5) ** 2)
+    light[20, length // 2 - 2 : length // 2 + 3] = 2.0
+    cases = posed(
+        np.round(np.minimum(0.7 * light, 1.0) * top),
+        left=length // 2 - 22,
+        width=45,
+        position=length // 2 << pkg.POSITION_FRACTION,
+        spread=100,
+        sigma=6 << 9,
+        noise=(top << shift) // 60,
+    )
+    cases.measured[12] = False
+    return cases
+
+
+@cocotb.test()
+async def a_foot_ends_the_fit(dut) -> None:
+    """At 3 where it is small, at 2 where it is large; none is told where its side changes.
+
+    Lines that are clipped or have no spot tell nothing of it, and have none of their own.
+    """
+    given = parameters()
+    await reset(dut)
+    want = await send(dut, feet(given), kappa_register(given["PixelWidth"]))
+    ends = want.end[:12].tolist()
+    assert ends == sorted(ends, reverse=True) and set(ends) == {8, 3, 2}
+    assert want.end[12:].tolist() == [8] + [2] * 4 + [8] * 24 + [2] * 5
+    assert want.fitted.sum() == len(want.end) - 1
 
 
 @cocotb.test()

@@ -12,6 +12,7 @@ from scanners import EACH_SENSOR, SCANNERS
 
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
+from vrscan.detectors.catalogue import detector
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.description import load
 from vrscan.scene.effects import present
@@ -204,6 +205,55 @@ def test_parts_of_a_spot_that_grains_break_up_are_one(
     )
     assert np.isfinite(found.error).mean() > 0.97 and rms(found.error) < most_px
     assert found.over_sigma() < most_sigmas
+
+
+def with_foot(
+    share: float, away: list[float], sigma: float, looks: int, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return coherent light, a share of which is spread over spots so far away, and its places."""
+    draw, images = generator(round(1000 * share) + looks), count // 16
+    half = math.ceil(5 * sigma + max(map(abs, away))) + 3
+    centre = draw.uniform(-0.5, 0.5, images)
+    parts = [(1 - share, 0.0), *((share / len(away), each) for each in away)]
+    light = np.concatenate(
+        [
+            sum(
+                part * coherent_rows(draw, sigma, half, 1, centre_px=place + each)
+                for part, each in parts
+                for _ in range(looks)
+            )
+            for place in centre
+        ]
+    )
+    light *= sigma * math.sqrt(2 * math.pi) / light.sum(axis=1).mean()
+    order = draw.permutation(len(light))
+    return light[order], half + np.repeat(centre, 16)[order]
+
+
+def tail(length_px: float) -> list[float]:
+    """Return where quarters of an exponential tail have their middle."""
+    return [-length_px * math.log(1 - (k + 0.5) / 4) for k in range(4)]
+
+
+@pytest.mark.parametrize(
+    ("share", "away", "looks"),
+    [(0.1, tail(8), 1), (0.3, tail(5), 1), (0.3, tail(5), 2), (0.05, [8.0], 2)],
+    ids=["10 % over 8 px", "30 % over 5 px", "the same, 2 looks", "halo at 8 px"],
+)
+def test_a_foot_does_not_pull_the_fit(share: float, away: list[float], looks: int) -> None:
+    """Light from beneath a surface: near the best simple detector, and sigma tells."""
+    count, sigma, config = 256, 2.5, SCANNERS["default"]
+    given, true = exposed(*with_foot(share, away, sigma, looks, count), 1500, config)
+    found = fitted(Engine.FIXED, given, true, config)
+    ground, noise = np.full(count, BACKGROUND_COUNTS), np.full(count, READ_NOISE_COUNTS)
+    simple = {
+        key: rms(detector(key).locate(given.lines, ground, noise, config) - true)
+        for key in ("blais-rioux-8", "matched", "least-squares")
+    }
+    print(f"\nfit {rms(found.error):.3f} px, over sigma {found.over_sigma():.2f}; simple: {simple}")
+    assert rms(found.error) <= 1.2 * min(simple.values())
+    assert 0.45 <= found.over_sigma() <= 1.6
+    assert np.nanmax(np.abs(found.error) / found.sigma) < 5
 
 
 @EACH_SENSOR

@@ -1,7 +1,7 @@
 """peak_fit: the model against the float fit, within what its widths allow; its rules by cases."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
@@ -221,7 +221,10 @@ def room(cases: Cases, fit: ideal.Fitted, speckle: np.ndarray, grains: np.ndarra
         weight = total / own
         y = np.where(inside, weight, 0)
         top = (y * h * share).sum(axis=1) / np.maximum(y.sum(axis=1), 1e-30)
-    q = np.abs(np.clip(h * share - top[:, None], -8, 8))
+    q = np.clip(h * share - top[:, None], -8, 8)
+    turn = np.abs((y * u * q * (u * u < 2)).sum(axis=1))
+    beside = usable & (np.abs(np.abs(u) - math.sqrt(2)) < 1 / fit.scale[:, None])
+    q = np.abs(q)
     table = math.log(2) / 2**11
     y_error = 2.0**-9 + read / own * (2 * 2.0**-17 / dark[:, None] + 2 * table)
     y_error += shot[:, None] * h / own * table + 2.0**-17 * weight * (h * h + h + 1)
@@ -250,13 +253,17 @@ def room(cases: Cases, fit: ideal.Fitted, speckle: np.ndarray, grains: np.ndarra
     of_sigma += np.abs(speckle - fit.speckle) * 11 / 8 * (1 + least) * top**2 / total[:, 0]
     of_sigma += 2.0**-13 / np.maximum(fit.sigma, 2.0**-pkg.SIGMA_FRACTION)
     edge_moment = np.where(near, weight * u * u, 0).max(axis=1) / moment
+    # A line's own lean is the square of what turns the middle, with a pixel in doubt at each end.
+    turned = np.where(beside, weight * u * q, 0).max(axis=1) / np.maximum(turn, 1e-30)
+    own_doubt = np.where(fit.own_lean, turned * (2 + turned), 0)
     return Room(
         position=position,
         rms=factor * np.sqrt(squares / 3) + end,
         doubt=4 * factor * edge,
         sigma=of_sigma,
         # Where grains are coarse for one of both, the other's sigma is another.
-        sigma_doubt=np.where(coarse == too, edge_moment + 8 * factor * edge / fit.scale, np.inf),
+        sigma_doubt=own_doubt
+        + np.where(coarse == too, edge_moment + 8 * factor * edge / fit.scale, np.inf),
     )
 
 
@@ -272,9 +279,10 @@ def test_peak_fit_model_is_the_float_fit(pixel_width: int) -> None:
     off = np.abs(got.position / 2.0**pkg.POSITION_FRACTION - want.position)[both]
     wrong = np.abs(got.sigma[both] / 2.0**pkg.SIGMA_FRACTION / want.sigma[both] - 1)
     most, rms, doubt, sigma, sigma_doubt = (value[both] for value in vars(allowed).values())
-    # A line on the limit of a jump has its own speckle in one of both.
+    # A line on the limit of a jump has its own speckle, or its own lean, in one of both.
     found = got.speckle[both] / SPECKLE_ONE
     jump = np.abs(found - want.speckle[both]) > 0.4 * np.maximum(found, want.speckle[both]) + 1e-3
+    jump |= ((got.own_lean != want.own_lean) | (got.end != want.end))[both]
     assert jump.mean() < 0.003
     shares = (off / (most + doubt), wrong / (sigma + sigma_doubt))
     worst = [float(each[~jump].max()) for each in shares]
@@ -406,7 +414,7 @@ def test_peak_fit_model_in_chunks_has_the_same_bits(chunks: list[int]) -> None:
     for first, last in zip([0, *ends, count], [*ends, count, count], strict=True):
         parts.append(cases[first:last].fixed(history))
         history = parts[-1].history
-    names = ("position", "sigma", "fitted", "mixed", "speckle", "scale", "grains")
+    names = [field.name for field in fields(fixed.Fitted) if field.name != "history"]
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     assert_same(fixed.Fitted(**joined, history=history), cases.fixed())
 

@@ -30,3 +30,11 @@ def test_heights_agree_with_the_caliper(engine: Engine) -> None:
     for level in outcome.levels:
         assert abs(level.residual_mm) <= stairs.GOAL_MM, level
     assert outcome.good
+
+
+def test_the_fit_scatters_no_more_than_two_passes() -> None:
+    """Of a camera's lines, which are no Gaussians: 8 bits, with a gamma, half of them saturated."""
+    found = stairs.scatters(data(), Engine.FIXED)
+    print({window: [round(each, 3) for each in two] for window, two in found.items()})
+    for fit, two_pass in zip(found["fit"], found["two_pass"], strict=True):
+        assert fit <= 1.03 * two_pass

@@ -3,7 +3,8 @@
 A height divided by the Gaussian 2**-(u**2) is flat where the spot is that Gaussian; amplitude,
 place and width are the constant, the slope and the curvature of a weighted polynomial through these
 quotients. A weight is the inverse variance of its quotient: R h**2 + K A h + C**2 A**2, with
-h = 2**(u**2), of read noise, shot noise and speckle, which counts more far out.
+h = 2**(u**2), of read noise, shot noise and speckle, which counts more far out. Where the lines
+before and a line itself lean to one side by a foot of the spot, the fit ends nearer to its middle.
 
 Lengths along the line are in pixels from the first of SPAN pixels around the second window's
 middle, heights are shares of 2**HEIGHT_FRACTION, shifted so that the largest is at least a half.
@@ -22,10 +23,12 @@ from vrscan.fixed.saturate import saturated
 from vrscan.fixed.square_root import square_root
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
-PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
+# Speckle and foot are measured in the second pass, and used from the third on.
+PASSES, ROUGH_PASS = 4, 1
 DEPTH = pkg.SPECKLE_DEPTH  # lines over which speckle and lean are steadied
-# Lines before a line that its fit depends on: its lean is that of DEPTH lines with their speckle.
-REACH = 2 * (DEPTH - 1)
+# Lines before a line that its fit depends on: its lean is that of DEPTH lines, whose fits end by
+# the feet of as many lines, each with the speckle of as many.
+REACH = 3 * (DEPTH - 1)
 
 HEIGHT_FRACTION = 17  # fraction bits: heights and amplitudes; doubled in their squares
 PLACE_FRACTION = 16  # px
@@ -34,9 +37,10 @@ PLACE_BITS = 15  # fraction bits of u that are multiplied
 SQUARE_FRACTION = 17  # of u**2
 MOMENT_FRACTION = 14  # of u**2 and of the quotients as they are multiplied, and of all sums
 CUT = 8  # u**2 at which the window ends: 3.33 sigma
+ENDS = np.array([CUT, 3, 2])  # at which a fit ends: without a foot, with one, with a large one
 WING, FAR_WING = 5, 7  # u**2 from which on the speckle's variance counts twice, and four times
 TOP = 23 << (SQUARE_FRACTION - 3)  # u**2 below which the speckle is measured: 1.99 sigma
-MIDDLE = 2 << SQUARE_FRACTION  # u**2 below which the lean is measured: 1.67 sigma
+MIDDLE = 2  # u**2 below which the lean is measured: 1.67 sigma
 TABLE_BITS = 10
 MANTISSA_FRACTION = 16
 WEIGHT_FRACTION = 16
@@ -59,7 +63,10 @@ SLOPE_WIDTH = 23  # of the middle's slope as it is squared
 FREE_FRACTION = 30  # of what the lean is divided by
 FREE_WIDTH = 38
 LEAN_FRACTION = 8
-MOST_LEAN = 8 << LEAN_FRACTION  # of a line
+MOST_LEAN = 8 << LEAN_FRACTION  # of a line among others
+OWN_LEAN, MOST_OWN = 12 << LEAN_FRACTION, 31 << LEAN_FRACTION  # of one that counts by itself
+MORE_LEAN = 8 << LEAN_FRACTION  # added to all leans, of which 5/8 tell a foot
+LARGE_FOOT = 4 << LEAN_FRACTION  # mean lean of a large one
 FINE_LEAN = 15 << (LEAN_FRACTION - 4)  # that of fine grains is hardly larger
 PRIOR_LEAN, PRIOR_FITS = 3 << (LEAN_FRACTION - 1), 2  # before the first line
 STEEP = 5  # halves that grains are of what the mean lean has above FINE_LEAN
@@ -72,8 +79,8 @@ MOST_GAIN = (1 << 30) - 1
 MOST_NOISE = (1 << 32) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
-LATENCY = 1714  # clocks from valid_i to valid_o
-UNMEASURED_LATENCY = 3
+LATENCY = 1802  # clocks from valid_i to valid_o
+UNMEASURED_LATENCY = 96
 
 
 class History(NamedTuple):
@@ -83,11 +90,13 @@ class History(NamedTuple):
     weight: Ints
     lean: Ints  # of the lines that have a single spot, LEAN_FRACTION fraction bits
     fits: Ints  # their number
+    foot: Ints  # lean with its sign in the second pass, LEAN_FRACTION fraction bits
+    clear: Ints  # the number of lines that have it
 
     @classmethod
     def empty(cls) -> "History":
         """Return what is known after a reset."""
-        return cls(*np.zeros((4, DEPTH - 1), np.int64))
+        return cls(*np.zeros((6, DEPTH - 1), np.int64))
 
 
 @dataclass(frozen=True)
@@ -103,7 +112,9 @@ class Fitted:
             of no meaning where a line is not measured.
         scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits; likewise.
         grains: What grains add to the speckle's part of the variance, a share of it with 8 fraction
-            bits; of no meaning where a line has no single spot.
+            bits.
+        own_lean: Whether the line's own lean counts in sigma instead of grains.
+        end: Square of u at which the fit ends: less than CUT where a foot is told.
         history: The last lines, for those that follow.
     """
 
@@ -114,6 +125,8 @@ class Fitted:
     speckle: Ints
     scale: Ints
     grains: Ints
+    own_lean: Bools
+    end: Ints
     history: History
 
 
@@ -166,7 +179,7 @@ class _State:
 
 
 class _Sums(NamedTuple):
-    """What a pass adds up, int64 [n] each, MOMENT_FRACTION fraction bits."""
+    """What a pass adds up before a fit's end, int64 [n] each, MOMENT_FRACTION fraction bits."""
 
     s0: Ints
     s2: Ints
@@ -174,8 +187,10 @@ class _Sums(NamedTuple):
     b0: Ints
     b1: Ints
     b2: Ints
-    s2_middle: Ints
+    s2_middle: Ints  # of the middle, wherever the fit ends
     b1_middle: Ints
+    s2_whole: Ints  # and of the whole window
+    b1_whole: Ints
     chi: Ints  # 2 MOMENT_FRACTION fraction bits
     pixels: Ints
     clipped: Ints  # saturated pixels within the window
@@ -184,10 +199,63 @@ class _Sums(NamedTuple):
     quads: Ints
 
 
+class _Pass(NamedTuple):
+    """Pixels of a pass, [n, SPAN] each."""
+
+    u: Ints
+    moment: Ints
+    power: Ints  # whole part of u**2
+    q: Ints  # quotient less amplitude
+    noise: Ints
+    clipped: Bools
+    inside: Bools
+    top: Bools
+    y: Ints  # weight
+    yq: Ints
+    yu2: Ints
+
+    def sums(self, end: Ints) -> _Sums:
+        """Return the sums where u**2 is less than ``end``, [n]."""
+        u, moment, _, q, noise, clipped, inside, top, y, yq, yu2 = self
+        middle = self.power < MIDDLE
+        s2_whole, b1_whole = yu2.sum(axis=1), (yq * u).sum(axis=1) >> PLACE_BITS
+        if (end != CUT).any():
+            inside = inside & (self.power < end[:, None])
+            y, yq, yu2 = (np.where(inside, each, 0) for each in (y, yq, yu2))
+        d = saturated((q[:, 3:] - 3 * q[:, 2:-1] + 3 * q[:, 1:-2] - q[:, :-3]) >> 3, 18)
+        quad = top[:, 3:] & top[:, 2:-1] & top[:, 1:-2] & top[:, :-3]
+        own = np.minimum(noise, (1 << 24) - 1)
+        four = own[:, 3:] + 9 * (own[:, 2:-1] + own[:, 1:-2]) + own[:, :-3]
+        return _Sums(
+            s0=y.sum(axis=1) >> (WEIGHT_FRACTION - MOMENT_FRACTION),
+            s2=yu2.sum(axis=1),
+            s4=(yu2 * moment).sum(axis=1) >> MOMENT_FRACTION,
+            b0=yq.sum(axis=1),
+            b1=(yq * u).sum(axis=1) >> PLACE_BITS,
+            b2=(yq * moment).sum(axis=1) >> MOMENT_FRACTION,
+            s2_middle=np.where(middle, yu2, 0).sum(axis=1),
+            b1_middle=np.where(middle, yq * u, 0).sum(axis=1) >> PLACE_BITS,
+            s2_whole=s2_whole,
+            b1_whole=b1_whole,
+            chi=(yq * q).sum(axis=1),
+            pixels=inside.sum(axis=1),
+            clipped=clipped.sum(axis=1),
+            rough=np.where(quad, d * d, 0).sum(axis=1),
+            noise=np.where(quad, four, 0).sum(axis=1),
+            quads=quad.sum(axis=1),
+        )
+
+
 def _pass(
-    height: Ints, usable: Bools, clipped: Bools, state: _State, alpha: Ints, beta: Ints, gamma: Ints
-) -> _Sums:
-    """Return the sums of one pass; heights [n, SPAN], the others [n]."""
+    height: Ints,
+    usable: Bools,
+    clipped: Bools,
+    state: _State,
+    alpha: Ints,
+    beta: Ints,
+    gamma: Ints,
+) -> _Pass:
+    """Return the pixels of one pass; heights and pixels [n, SPAN], the others [n]."""
     start = (-state.place * state.step) >> PLACE_FRACTION
     u = start[:, None] + np.arange(SPAN) * state.step[:, None]
     u = u >> (STEP_FRACTION - PLACE_BITS)
@@ -215,26 +283,8 @@ def _pass(
     yq = (y * q + half) >> WEIGHT_FRACTION
     yu2 = (y * moment + half) >> WEIGHT_FRACTION
 
-    top, middle = inside & (square < TOP), square < MIDDLE
-    d = saturated((q[:, 3:] - 3 * q[:, 2:-1] + 3 * q[:, 1:-2] - q[:, :-3]) >> 3, 18)
-    quad = top[:, 3:] & top[:, 2:-1] & top[:, 1:-2] & top[:, :-3]
-    own = np.minimum(noise, (1 << 24) - 1)
-    four = own[:, 3:] + 9 * (own[:, 2:-1] + own[:, 1:-2]) + own[:, :-3]
-    return _Sums(
-        s0=y.sum(axis=1) >> (WEIGHT_FRACTION - MOMENT_FRACTION),
-        s2=yu2.sum(axis=1),
-        s4=(yu2 * moment).sum(axis=1) >> MOMENT_FRACTION,
-        b0=yq.sum(axis=1),
-        b1=(yq * u).sum(axis=1) >> PLACE_BITS,
-        b2=(yq * moment).sum(axis=1) >> MOMENT_FRACTION,
-        s2_middle=np.where(middle, yu2, 0).sum(axis=1),
-        b1_middle=np.where(middle, yq * u, 0).sum(axis=1) >> PLACE_BITS,
-        chi=(yq * q).sum(axis=1),
-        pixels=inside.sum(axis=1),
-        clipped=(near & clipped).sum(axis=1),
-        rough=np.where(quad, d * d, 0).sum(axis=1),
-        noise=np.where(quad, four, 0).sum(axis=1),
-        quads=quad.sum(axis=1),
+    return _Pass(
+        u, moment, power, q, noise, near & clipped, inside, inside & (square < TOP), y, yq, yu2
     )
 
 
@@ -277,9 +327,13 @@ class _Variance(NamedTuple):
     speckle: Ints
     total: Ints
 
+    @property
+    def correlated(self) -> Ints:
+        """Return the sum with what neighbours share."""
+        return np.minimum(self.total + (self.speckle >> 2), MOST_VARIANCE)
 
-def _variance(dark: Ints, kappa: Ints, speckle: Ints, amplitude: Ints) -> _Variance:
-    shot = (kappa * amplitude) >> 11
+
+def _variance(dark: Ints, shot: Ints, speckle: Ints, amplitude: Ints) -> _Variance:
     own = ((amplitude * amplitude >> 6) * speckle) >> (SPECKLE_FRACTION - 6)
     total = np.clip(dark + shot + own, 1, MOST_VARIANCE)
     return _Variance(dark, shot, own, total)
@@ -335,23 +389,51 @@ def _steadied(
     return speckle, history._replace(roughness=rough, weight=heavy)
 
 
-def _grains(sums: _Sums, variance: Ints, single: Bools, history: History) -> tuple[Ints, History]:
-    """Return what grains add to each line's speckle, and the last lines."""
-    both, _ = divide(sums.s2_middle * sums.s2_middle, sums.s2, quotient_width=QUOTIENT_WIDTH)
-    free = np.maximum(sums.s2_middle - both, 0)
+def _lean(slope: Ints, free: Ints, variance: Ints) -> Ints:
+    """Return a slope's square over its variance, LEAN_FRACTION fraction bits."""
     shift = 2 * HEIGHT_FRACTION + MOMENT_FRACTION - FREE_FRACTION
     divisor = np.minimum(variance * free >> shift, (1 << FREE_WIDTH) - 1)
-    slope = saturated(sums.b1_middle, SLOPE_WIDTH)
+    slope = saturated(slope, SLOPE_WIDTH)
     dividend = slope * slope << (FREE_FRACTION + LEAN_FRACTION - 2 * MOMENT_FRACTION)
-    lean = np.minimum(divide(dividend, divisor, quotient_width=QUOTIENT_WIDTH)[0], MOST_LEAN)
-    lean, leans = _running(history.lean, np.where(single, lean, 0))
+    return np.minimum(divide(dividend, divisor, quotient_width=QUOTIENT_WIDTH)[0], MOST_OWN)
+
+
+def _ends(sums: _Sums, variance: Ints, clear: Ints, history: History) -> tuple[Ints, Ints, History]:
+    """Return each fit's end by the lines before, and with its own lean, and the last lines."""
+    dividends = sums.s2_middle * sums.s2_middle, sums.s2_middle * np.abs(sums.b1_whole)
+    both, share = (divide(d, sums.s2_whole, quotient_width=QUOTIENT_WIDTH)[0] for d in dividends)
+    slope = sums.b1_middle - np.where(sums.b1_whole < 0, -share, share)
+    lean = np.minimum(_lean(slope, np.abs(sums.s2_middle - both), variance), MOST_LEAN) * clear
+    foot = np.where(slope < 0, -lean, lean)
+    turned, feet = _running(history.foot, foot)
+    leant, _ = _running(np.abs(history.foot), lean)
+    count, lines = _running(history.clear, clear)
+    history = history._replace(foot=feet, clear=lines)
+
+    def end(turned: Ints, leant: Ints, count: Ints) -> Ints:
+        turned = np.abs(turned)
+        large = np.where(turned >= LARGE_FOOT * count, 2, 1)
+        return np.asarray(ENDS[np.where(8 * turned >= 5 * (leant + MORE_LEAN), large, 0)])
+
+    before = end(turned - foot, leant - lean, count - clear)
+    return before, np.where(clear, end(turned, leant, count), CUT), history
+
+
+def _grains(
+    sums: _Sums, foot: Bools, variance: Ints, single: Bools, history: History
+) -> tuple[Ints, Ints, History]:
+    """Return what grains add to each line's speckle, its own lean, and the last lines."""
+    other = np.where(foot, sums.s2_whole, sums.s2_middle)
+    both, _ = divide(other * other, sums.s2, quotient_width=QUOTIENT_WIDTH)
+    slope = np.where(foot, sums.b1_whole, sums.b1_middle)
+    own = _lean(slope, np.abs(other - both), variance)
+    lean, leans = _running(history.lean, np.where(single, np.minimum(own, MOST_LEAN), 0))
     count, fits = _running(history.fits, single.astype(np.int64))
     dividend = (lean + PRIOR_FITS * PRIOR_LEAN) << 2
     # 5/2 of the mean, of which the quotient is four times.
     four, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
     grains = (four >> 1) + (four >> 3) - (STEEP * FINE_LEAN >> 1)
-    grains = np.clip(grains, 0, MOST_GRAINS)
-    return grains, history._replace(lean=leans, fits=fits)
+    return np.clip(grains, 0, MOST_GRAINS), own, history._replace(lean=leans, fits=fits)
 
 
 def peak_fit(
@@ -419,17 +501,23 @@ def peak_fit(
     started = np.clip(begun, 0, (SPAN << PLACE_FRACTION) - 1)
     state = _State(amplitude, started, begin, _step(begin))
     usable = on_line & ~clipped
-    speckle = np.full(count, FIRST_SPECKLE, np.int64)
-    variance = _variance(dark, gain, speckle, state.amplitude)
+    speckle, end = np.full((2, count), [[FIRST_SPECKLE], [CUT]], np.int64)
+    variance = _variance(dark, gain * state.amplitude >> 11, speckle, state.amplitude)
     shares = _shares(variance)
     for number in range(PASSES):
-        sums = _pass(height, usable, clipped, state, *shares)
+        seen = _pass(height, usable, clipped, state, *shares)
+        sums = seen.sums(end)
         if number == ROUGH_PASS:
             speckle, history = _steadied(sums, variance, state.amplitude, measured, history)
+            rough = _variance(dark, variance.shot, speckle, state.amplitude).correlated
+            clear = (measured & (sums.clipped == 0)).astype(np.int64)
+            end, last_end, history = _ends(sums, rough, clear, history)
+            sums = seen.sums(end)
         before = state
         state = _stepped(state, sums, least, most)
+        end = last_end if number == ROUGH_PASS else end
         if ROUGH_PASS <= number < PASSES - 1:
-            variance = _variance(dark, gain, speckle, state.amplitude)
+            variance = _variance(dark, gain * state.amplitude >> 11, speckle, state.amplitude)
             shares = _shares(variance)
 
     freedom = CHI_LIMIT * np.maximum(sums.pixels - 3, 0)
@@ -445,16 +533,20 @@ def peak_fit(
     inner = (found >= margin) & (found < (length << pkg.POSITION_FRACTION) - margin)
     shift = 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
     limit = variance.total * freedom >> shift
-    plain = sums.chi <= limit
+    plain, close = sums.chi <= limit, sums.chi <= limit + (limit >> 1)
     single = eligible & inner & (sums.chi <= MIXED_TIMES * limit)
-    total = np.minimum(variance.total + (variance.speckle >> 2), MOST_VARIANCE)
-    grains, history = _grains(sums, total, single, history)
-    # Neighbours share speckle: it counts 5/4 times.
-    grained = np.where(grains >= COARSE_GRAINS, variance.total, variance.speckle)
-    total = np.minimum(total + (grained * (5 * grains) >> 10), MOST_VARIANCE)
-    limit = total * freedom >> shift
-    fitted = eligible & (sums.chi <= limit) & (inner | plain)
+    total, foot = variance.correlated, end < CUT
+    grains, lean, history = _grains(sums, foot, total, single, history)
+
+    def grown(grains: Ints) -> Ints:
+        grained = np.where(grains >= COARSE_GRAINS, variance.total, variance.speckle)
+        return np.minimum(total + (grained * (5 * grains) >> 10), MOST_VARIANCE)  # 5/4 times
+
+    limit = grown(grains) * freedom >> shift
+    fitted = eligible & close & (sums.chi <= limit) & (plain | inner & (sums.clipped == 0))
     mixed = measured & (sums.clipped == 0) & (sums.chi > MIXED_TIMES * limit)
+    own_lean = foot | (lean > np.maximum(grains, OWN_LEAN))
+    total = grown(np.where(own_lean, lean, grains))
     root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
     # Scale and root have 36 fraction bits, the divisor 14 and sigma 12.
@@ -470,5 +562,7 @@ def peak_fit(
         speckle=speckle,
         scale=state.scale,
         grains=grains,
+        own_lean=own_lean,
+        end=end,
         history=history,
     )

@@ -70,10 +70,10 @@ def peak_isolate(
     A second level, at a quarter of the height, tells spots from their surroundings: other runs
     above it are rivals, and a spot is clear where its own is at most ``max_core`` wide and no more
     than ``MOST_RIVALS`` others are from ``min_width`` to ``max_core`` wide. What is not clear is
-    judged by the spread. Where a fit follows, runs at most ``MOST_GAP`` pixels apart are one: its
-    width at the second level is without the gaps, and one part of it has to be ``min_width`` wide.
-    Of a window, too, gaps do not count for ``min_width``, and two pixels above are side by side:
-    two hot ones are no spot.
+    judged by the spread. Where a fit follows and no pixel is saturated, runs at most ``MOST_GAP``
+    pixels apart are one: its width at the second level is without the gaps, and one part of it has
+    to be ``min_width`` wide. Of a window, too, gaps do not count for ``min_width``, and two pixels
+    above are side by side: two hot ones are no spot.
 
     Args:
         lines: Pixels, [n, line_length].
@@ -113,7 +113,8 @@ def peak_isolate(
         noise_term(statistics.noise), height >> CORE_SHIFT
     )
 
-    gap = MOST_GAP if window_fit else 0
+    saturated = statistics.maximum >= saturation_level
+    gap = np.where(saturated | (not window_fit), 0, MOST_GAP)
     runs = _Runs.above(lines, threshold >> shift, statistics.max_index, gap)
     core = _Runs.above(lines, core_level >> shift, statistics.max_index, gap)
     width = runs.width
@@ -128,7 +129,6 @@ def peak_isolate(
     raised = np.maximum(noise, unclipped(statistics, pixel_width))
     judged = np.where(statistics.row_statistics | noise_row, noise, raised)
     low_snr = (height == 0) | ((height << pkg.SNR_FRACTION) < snr_min * judged)
-    saturated = statistics.maximum >= saturation_level
     too_narrow, too_wide = (
         (runs.pixels < min_width) | (runs.part < 2),
         (width > max_width) | (broad & ~saturated),
@@ -195,8 +195,8 @@ class _Runs:
     parts: Ints
 
     @classmethod
-    def above(cls, lines: Pixels, level: Ints, max_index: Ints, gap: int) -> "_Runs":
-        """Return the runs of pixels above ``level``, whole counts [n], joined over a gap."""
+    def above(cls, lines: Pixels, level: Ints, max_index: Ints, gap: Ints) -> "_Runs":
+        """Return the runs of pixels above ``level``, whole counts, joined over gaps [n]."""
         count, length = lines.shape
         # pixel 2**shift > threshold is pixel > floor(threshold / 2**shift).
         limit = np.minimum(level, (1 << 16) - 1).astype(np.uint16)
@@ -209,7 +209,8 @@ class _Runs:
         if not starts.size:
             none = np.zeros(count, np.int64)
             return cls(none - 1, none, none, none, none, *[starts] * 3)
-        apart = (starts[1:] - ends[:-1] > gap) | (starts[1:] // stride > starts[:-1] // stride)
+        line = starts // stride
+        apart = (starts[1:] - ends[:-1] > gap[line[1:]]) | (line[1:] > line[:-1])
         begins = np.flatnonzero(np.append(True, apart))
         counts, parts = (each.reduceat(ends - starts, begins) for each in (np.add, np.maximum))
         starts, ends = starts[begins], ends[np.append(apart, True)]

@@ -30,7 +30,15 @@ sums of u**2 over the middle and over all, and T that of a pixel at the top, if 
 independent. Its square over that, the lean, is 0.8 to 1.1 in focus and 1.2 to 5 out of it. Its
 mean over the fits of DEPTH lines and a prior is known to a quarter. The squared error follows it
 from scene to scene: what it is above that of fine grains makes the speckle's part of the variance
-up to ten times as large, and coarse grains, which differences hardly see, all of it.
+up to ten times as large, and coarse grains, which differences hardly see, all of it. A line's own
+lean counts where it is far larger.
+
+Grains turn the middle to either side. Light from beneath the surface, a halo or an edge leaves a
+foot on one side of the spot, which turns it to the same on line after line, and pulls the fit,
+which weighs the foot as much as the top. The slope in the second pass, without that of the whole,
+has the variance of the lean. Where its squares over that, with their signs, add up over DEPTH lines
+to most of their sum, a fit ends at the spot's shoulders, and where they are large, at its middle.
+The whole's slope is its lean then, and as much as the foot would move that fit, it is doubted.
 """
 
 from dataclasses import dataclass
@@ -42,7 +50,8 @@ from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.ideal.peak import LEAST_NOISE
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
-PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
+# Speckle and foot are measured in the second pass, and used from the third on.
+PASSES, ROUGH_PASS = 4, 1
 DEPTH = 32  # lines over which the speckle is steadied
 SCALE = float(np.sqrt(2.0 * np.log(2.0)))  # w over sigma
 LN4 = float(np.log(4.0))
@@ -51,6 +60,9 @@ CUT = 8.0  # u**2 at which the window ends
 WING, FAR_WING = 5.0, 7.0  # u**2 from which on the speckle's variance counts 2 and 4 times
 TOP = 23 / 8  # u**2 below which the speckle is measured
 MIDDLE = 2.0  # u**2 below which the lean is measured
+ENDS = np.array(
+    [CUT, 3.0, MIDDLE]
+)  # u**2 at which a fit ends: without a foot, with one, a large one
 LARGEST_QUOTIENT = 8.0
 FIRST_HEIGHT = 0.75  # heights are shares of the power of two above the largest
 LEAST_HEIGHT, LARGEST_HEIGHT = 1 / 16, 8.0
@@ -61,7 +73,10 @@ FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
 UNEVEN, JUMP = 4.0, 2.0
-MOST_LEAN = 8.0  # of a line
+MOST_LEAN = 8.0  # of a line among others
+OWN_LEAN, MOST_OWN = 12.0, 31.0  # of a line from which on it counts by itself, and up to which
+FOOT_SHARE, MORE_LEAN = 5 / 8, 8.0  # of the sum of all leans and so much, what tells a foot
+LARGE_FOOT = 4.0  # mean lean of a large one
 FINE_LEAN = 15 / 16  # that of fine grains is hardly larger
 PRIOR_LEAN, PRIOR_FITS = 3 / 2, 2.0  # before the first line
 # What grains add, as a share of the speckle's variance: STEEP times the mean lean above FINE_LEAN.
@@ -75,6 +90,7 @@ NEIGHBOURS = 1 / 4  # what the correlation of neighbours adds to the speckle's v
 
 FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom, with grains, above which it is no Gaussian
+PLAIN_LIMIT = 3 * CHI_LIMIT / 2  # the same without grains
 MIXED_LIMIT = 3 * CHI_LIMIT  # the same above which it is not one spot
 INNER = 2.0  # widths w from the line's end: a spot closer to it leans because it is cut
 FEWEST = 4  # pixels
@@ -89,11 +105,13 @@ class History(NamedTuple):
     weight: Floats
     lean: Floats  # of the lines that have a single spot
     fits: Floats  # their number
+    foot: Floats  # lean with its sign in the second pass
+    clear: Floats  # the number of lines that have it
 
     @classmethod
     def empty(cls) -> "History":
         """Return what is known before the first line."""
-        return cls(*np.zeros((4, DEPTH - 1)))
+        return cls(*np.zeros((6, DEPTH - 1)))
 
 
 @dataclass(frozen=True)
@@ -107,6 +125,8 @@ class Fitted:
     speckle: Floats  # squared contrast, of this line and those before
     scale: Floats  # w, px
     grains: Floats  # what they add to the speckle's part of the variance, a share of it
+    own_lean: Bools  # whether the line's own lean counts in sigma instead of them
+    end: Floats  # u**2 at which the fit ends: less than CUT where a foot is told
     history: History  # for the lines that follow
 
 
@@ -141,11 +161,16 @@ class _Pass(NamedTuple):
     noise: Floats  # the quotient's variance without speckle
     u: Floats
 
-    def sum(self, power: int, *, quotient: bool = False, middle: bool = False) -> Floats:
+    def sum(self, power: int, *, quotient: bool = False) -> Floats:
         """Return the weighted sums of u**power, times the quotient if that is asked for, [n]."""
         terms = self.weight * self.u**power
-        terms = np.where(self.square < MIDDLE, terms, 0.0) if middle else terms
         return np.asarray((terms * self.quotient if quotient else terms).sum(axis=1))
+
+    def within(self, end: Floats | float) -> "_Pass":
+        """Return the pixels with a smaller u**2 alone."""
+        near = self.square < np.expand_dims(end, -1)
+        weight = np.where(near, self.weight, 0.0)
+        return self._replace(inside=self.inside & near, near=self.near & near, weight=weight)
 
 
 def _pass(height: Floats, pixel: Ints, usable: Bools, state: _State, noise: _Noise) -> _Pass:
@@ -219,19 +244,44 @@ def _steadied(
     return speckle, history._replace(roughness=last, weight=heavy)
 
 
+def _ends(
+    whole: _Pass, variance: Floats, clear: Bools, history: History
+) -> tuple[Floats, Floats, History]:
+    """Return where each line's fit ends by the lines before, and with its own, and the last lines.
+
+    Lines that are not clear, with pixels at full scale, say nothing and have no foot of their own.
+    """
+    middle = whole.within(MIDDLE)
+    share = middle.sum(2) / np.maximum(whole.sum(2), _TINY)
+    slope = middle.sum(1, quotient=True) - share * whole.sum(1, quotient=True)
+    lean = np.square(slope) / np.maximum(variance * middle.sum(2) * (1.0 - share), _TINY)
+    foot = np.where(clear, np.copysign(np.minimum(lean, MOST_LEAN), slope), 0.0)
+    turned, feet = _running(history.foot, foot)
+    leant, _ = _running(np.abs(history.foot), np.abs(foot))
+    count, lines = _running(history.clear, clear.astype(np.float64))
+    history = history._replace(foot=feet, clear=lines)
+
+    def end(turned: Floats, leant: Floats, count: Floats) -> Floats:
+        turned = np.abs(turned)
+        large = np.where(turned >= LARGE_FOOT * count, 2, 1)
+        return np.asarray(ENDS[np.where(turned >= FOOT_SHARE * (leant + MORE_LEAN), large, 0)])
+
+    before = end(turned - foot, leant - np.abs(foot), count - clear)
+    return before, np.where(clear, end(turned, leant, count), CUT), history
+
+
 def _grains(
-    seen: _Pass, variance: Floats, single: Bools, history: History
-) -> tuple[Floats, History]:
-    """Return what grains add to each line's speckle, a share of it, and the last lines."""
-    whole, middle = seen.sum(2), seen.sum(2, middle=True)
-    free = middle - np.square(middle) / np.maximum(whole, _TINY)
-    slope = seen.sum(1, quotient=True, middle=True)
-    lean = np.square(slope) / np.maximum(variance * free, _TINY)
-    lean, leans = _running(history.lean, np.where(single, np.minimum(lean, MOST_LEAN), 0.0))
+    fitted: _Pass, other: _Pass, variance: Floats, single: Bools, history: History
+) -> tuple[Floats, Floats, History]:
+    """Return what grains add to each line's speckle, its own lean, and the last lines."""
+    free = np.abs(other.sum(2) - np.square(other.sum(2)) / np.maximum(fitted.sum(2), _TINY))
+    slope = other.sum(1, quotient=True)
+    own = np.minimum(np.square(slope) / np.maximum(variance * free, _TINY), MOST_OWN)
+    lean, leans = _running(history.lean, np.where(single, np.minimum(own, MOST_LEAN), 0.0))
     count, fits = _running(history.fits, single.astype(np.float64))
     lean = (lean + PRIOR_FITS * PRIOR_LEAN) / (count + PRIOR_FITS)
     grains = np.clip(STEEP * (lean - FINE_LEAN), 0.0, MOST_GRAINS)
-    return grains, history._replace(lean=leans, fits=fits)
+    return grains, own, history._replace(lean=leans, fits=fits)
 
 
 def peak_fit(
@@ -253,10 +303,10 @@ def peak_fit(
 ) -> Fitted:
     """Fit a Gaussian to the spot of every line.
 
-    The fit does not stand, and the given position stays, where chi squared with grains is too
-    large, where the fit went far from it or off the line, or where too many pixels are at full
-    scale, whose light is not known. Speckle moves the phase of a window by some twice as much as it
-    does the fit.
+    The fit does not stand, and the given position stays, where chi squared is too large, with
+    grains or without, where the fit went far from it or off the line, or where too many pixels are
+    at full scale, whose light is not known. Speckle moves the phase of a window by some twice as
+    much as it does the fit.
 
     Args:
         lines: Counts [n, length].
@@ -292,7 +342,7 @@ def peak_fit(
     begin = np.clip(SCALE * sigma, LEAST_SCALE, LARGEST_SCALE)
     least, most = np.maximum(begin / 2, LEAST_SCALE), np.minimum(begin * 2, LARGEST_SCALE)
     state = _State(np.full(len(lines), FIRST_HEIGHT), position, begin)
-    speckle = np.full(len(lines), FIRST_SPECKLE)
+    speckle, end = np.full((2, len(lines)), [[FIRST_SPECKLE], [CUT]])
 
     def variances() -> _Noise:
         return _Noise(dark, gain * state.height, speckle * np.square(state.height))
@@ -301,17 +351,23 @@ def peak_fit(
     for number in range(PASSES):
         if number > ROUGH_PASS:
             at = variances()
-        seen, before = _pass(height, pixel, usable, state, at), state
+        whole, before = _pass(height, pixel, usable, state, at), state
         if number == ROUGH_PASS:
-            speckle, history = _steadied(seen, at, state.height, measured, history)
+            speckle, history = _steadied(whole, at, state.height, measured, history)
+            own = speckle * np.square(state.height)
+            variance = at._replace(speckle=own).total + NEIGHBOURS * own
+            clear = measured & ~(whole.near & clipped).any(axis=1)
+            end, last_end, history = _ends(whole, variance, clear, history)
+        seen = whole.within(end)
         state = _stepped(state, seen, least, most)
+        end = last_end if number == ROUGH_PASS else end
 
     count = seen.inside.sum(axis=1)
     chi = (seen.weight * np.square(seen.quotient)).sum(axis=1)
     eligible = measured & (count >= FEWEST) & (np.abs(state.place - position) <= FAR * begin)
     eligible &= (position >= first) & (position < first + SPAN)
     eligible &= (state.place >= 0.0) & (state.place < lines.shape[1])
-    lost = (seen.near & clipped).sum(axis=1)
+    lost = (whole.near & clipped).sum(axis=1)
     eligible &= lost <= MOST_CLIPPED * (count + lost)
     margin = INNER * state.scale
     inner = (state.place >= margin) & (state.place < lines.shape[1] - margin)
@@ -320,11 +376,20 @@ def peak_fit(
     variance = at.total + NEIGHBOURS * at.speckle
     plain = chi <= CHI_LIMIT * free * at.total
     single = eligible & inner & (chi <= MIXED_LIMIT * free * at.total)
-    grains, history = _grains(seen, variance, single, history)
-    grained = np.where(grains >= COARSE_GRAINS, at.total, at.speckle)
-    variance = variance + (1.0 + NEIGHBOURS) * grains * grained
-    fitted = eligible & (chi <= CHI_LIMIT * free * variance) & (inner | plain)
-    mixed = measured & (lost == 0) & (chi > MIXED_LIMIT * free * variance)
+    foot = end < CUT
+    other = whole.within(np.where(foot, CUT, MIDDLE))
+    grains, lean, history = _grains(seen, other, variance, single, history)
+
+    def grown(grains: Floats) -> Floats:
+        grained = np.where(grains >= COARSE_GRAINS, at.total, at.speckle)
+        return np.asarray(variance + (1.0 + NEIGHBOURS) * grains * grained)
+
+    limit = CHI_LIMIT * free * grown(grains)
+    fitted = eligible & (chi <= limit) & (plain | inner & (lost == 0))
+    fitted &= chi <= PLAIN_LIMIT * free * at.total
+    mixed = measured & (lost == 0) & (chi > MIXED_LIMIT / CHI_LIMIT * limit)
+    own_lean = foot | (lean > np.maximum(grains, OWN_LEAN))
+    variance = grown(np.where(own_lean, lean, grains))
     own = np.sqrt(variance / told) / (before.height * LN4) * state.scale
     own = np.where(fitted, own, np.where(measured, np.maximum(2.0 * own, spread), spread))
     return Fitted(
@@ -335,5 +400,7 @@ def peak_fit(
         speckle=speckle,
         scale=state.scale,
         grains=grains,
+        own_lean=own_lean,
+        end=end,
         history=history,
     )
