@@ -31,6 +31,7 @@ NOT_RUN = {
     "ros2": "wants ROS",
     f"{VRSCAN}view --board": "renders a scene for minutes; tb/view/test_live.py runs it",
     f"{VRSCAN}efficiency": "takes minutes; tb/study/report/test_efficiency.py runs it small",
+    f"{VRSCAN}bench attack": "takes minutes; tb/study/bench/test_attack.py runs it small",
     f"{VRSCAN}bench loops": "takes an hour; tb/study/report/test_loops_report.py runs it small",
     f"{VRSCAN}calibrate run-all": "takes half an hour; tb/study/test_experiment.py runs it small",
     f"{VRSCAN}report instrument": "wants that experiment; tb/study/report has its test",

@@ -14,7 +14,7 @@ import pytest
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Config, Sensor
 from vrscan.detectors import catalogue, fits, simple
-from vrscan.detectors.catalogue import Detector, detectors, rivals
+from vrscan.detectors.catalogue import Detector, detectors, rivals, usual
 from vrscan.engines.engine import Engine
 from vrscan.ideal.statistics import statistics
 from vrscan.scene.sensor import spot_electrons
@@ -139,7 +139,7 @@ def locate(each: Detector, lines: Pixels) -> Floats:
     return each.locate(lines, np.full(count, 60.0), np.full(count, 1.0), Config())
 
 
-BY_KEY = [pytest.param(each, id=each.key) for each in (*detectors(), *rivals())]
+BY_KEY = [pytest.param(each, id=each.key) for each in (*detectors(), *rivals(), *usual())]
 
 
 @pytest.mark.parametrize("each", BY_KEY)

@@ -514,6 +514,59 @@ def bench_loops(
         _console().print(f"{path}: rewritten", highlight=False)
 
 
+@bench.command("attack")
+def bench_attack(
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for attack.csv and dark.csv; default: build/attack.")
+    ] = None,
+    engine: EngineOption = Engine.IDEAL,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of all random numbers; default: a fixed one.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Use a quarter of the lines, fewer dark ones.")
+    ] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="Rewrite the worst rows in docs/hard-cases.md.")
+    ] = False,
+    jobs: JobsOption = 0,
+    config: ConfigOption = None,
+) -> None:
+    """Measure detectors on spots, and dark lines, of another optics than the simulator's."""
+    from vrscan.engines.tools import build_folder, repository_root
+    from vrscan.study.bench import attack as report
+    from vrscan.study.bench.cells import MOST_SEED
+
+    _check_jobs(jobs)
+    if seed is not None and not 0 <= seed <= MOST_SEED:
+        raise InputError(f"--seed: must be 0 to {MOST_SEED} ({seed})")
+    if write and quick:
+        raise InputError("--write: needs all lines (--quick is given)")
+    settings, drawn = _settings(config), report.SEED if seed is None else seed
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
+    engines.prepare(engine, settings)
+    folder = build_folder() / "attack" if out is None else out
+    with (
+        _folder(folder),
+        atomic_file(folder / "attack.csv") as csv,
+        atomic_file(folder / "dark.csv") as dark_csv,
+    ):
+        with _bar("cases", report.COUNT) as progress:
+            rows, dark = report.measure(
+                engine, settings, drawn, quick=quick, jobs=jobs or processors(), progress=progress
+            )
+        csv.write(report.sheet(rows).csv())
+        dark_csv.write(report.dark_sheet(dark).csv())
+    title = f"engine {engine}, seed {drawn}"
+    _console().print(report.sheet(rows).terminal(title, report.CAPTION, gap=0))
+    _console().print(report.dark_sheet(dark).terminal("", report.DARK_CAPTION))
+    _console().print(f"{folder}: attack.csv, dark.csv", highlight=False)
+    text = report.block(rows, dark, engine, drawn)
+    for path in report.write(text, repository_root()) if write else ():
+        _console().print(f"{path}: rewritten", highlight=False)
+
+
 @bench.command("choose")
 def bench_choose(
     write: Annotated[
@@ -566,11 +619,12 @@ def bench_report(
     """Write the page on speed against error: detectors, hard lines, instrument, growth."""
     from vrscan.engines.tools import build_folder
     from vrscan.study.bench import bench_report as report
+    from vrscan.study.bench.cells import MOST_SEED
     from vrscan.study.bench.sections.section import Order
 
     _check_jobs(jobs)
-    if seed is not None and not 0 <= seed <= report.MOST_SEED:
-        raise InputError(f"--seed: must be 0 to {report.MOST_SEED} ({seed})")
+    if seed is not None and not 0 <= seed <= MOST_SEED:
+        raise InputError(f"--seed: must be 0 to {MOST_SEED} ({seed})")
     order = Order(_settings(config), report.SEED if seed is None else seed, quick)
     folder = build_folder() / "report" if out is None else out
     total, known = len(report.cells(order)), 0

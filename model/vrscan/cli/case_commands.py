@@ -35,8 +35,9 @@ def cases(
             shown = [table.columns[k] for k in (0, 3, 4, 5)]
             console.print(Sheet(shown, table.rows).terminal(title))
     if path is not None:
+        before = path.read_text() if path.exists() else ""
         with atomic_file(path) as file:
-            file.write(page.page(outcomes).encode())
+            file.write(page.page(outcomes, before).encode())
         console.print(f"{path}: rewritten", highlight=False)
     failed = False
     for name, found in outcomes.items():

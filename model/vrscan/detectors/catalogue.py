@@ -1,7 +1,8 @@
 """The catalogue of detectors, each with the one parameter for which it was tuned.
 
 ``detectors`` are compared on every kind of line. ``rivals`` are other ways to a small error on
-speckled spots, which are compared with the instrument's own on those.
+speckled spots, which are compared with the instrument's own on those. ``usual`` are more that users
+know, as they would write them.
 
 The values were chosen by ``vrscan bench tune``, which prints the whole search: the value of each
 grid with the least geometric mean of rms over bound on the training cells of ``study.bench.tune``,
@@ -141,6 +142,14 @@ def _blais_rioux(order: int) -> Make:
 
 def _matched(value: float, config: Config) -> Locate:
     return lambda p, b, n, _: simple.matched(p, b, n, ratio=value)
+
+
+def _steger(value: float, config: Config) -> Locate:
+    return lambda p, b, n, _: simple.steger(p, b, n, ratio=value)
+
+
+def _scipy(value: float, config: Config) -> Locate:
+    return lambda p, b, n, k: fits.scipy_fit(p, b, n, k, reach=value, full=_full(config))[0]
 
 
 def _least_squares(value: float, config: Config) -> Locate:
@@ -304,6 +313,13 @@ _RIVALS = (
              _DORSCH, value=0.25),
 )  # fmt: skip
 
+_USUAL = (
+    Detector("steger", "Steger", _steger, "width of the filter over that of the peak",
+             "Steger 1998", value=1.5),
+    Detector("scipy", "scipy's curve_fit, weighted", _scipy, "reach, widths of the peak",
+             "scipy.optimize.curve_fit", value=4.0),
+)  # fmt: skip
+
 
 def detectors() -> tuple[Detector, ...]:
     """Return the detectors that are compared on every kind of line."""
@@ -315,10 +331,15 @@ def rivals() -> tuple[Detector, ...]:
     return _RIVALS
 
 
+def usual() -> tuple[Detector, ...]:
+    """Return the others in common use, with which ``vrscan bench attack`` compares."""
+    return _USUAL
+
+
 def detector(key: str) -> Detector:
     """Return a detector by its short name.
 
     Raises:
         KeyError: if there is no such detector.
     """
-    return {each.key: each for each in (*_EVERY, *_RIVALS)}[key]
+    return {each.key: each for each in (*_EVERY, *_RIVALS, *_USUAL)}[key]

@@ -6,6 +6,7 @@ fitted in units of the first guess of the width, so one damping serves all three
 scale carry no information about the shape and are left out.
 """
 
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -164,3 +165,49 @@ def likelihood(
     """
     patch = cut(lines, background, noise)
     return place(patch, _fit(patch, noise, kappa, integrated, reach=reach, full=full))
+
+
+def scipy_fit(
+    lines: Pixels, background: Floats, noise: Floats, kappa: float, *, reach: float, full: int
+) -> tuple[Floats, Floats]:
+    """Return the centre of a Gaussian by ``scipy.optimize.curve_fit`` and its sigma [n] each, px.
+
+    It is what a user would write: each pixel weighs by read noise and by the shot noise of its own
+    counts, and the covariance is taken as it is. Both are NaN where it does not converge.
+
+    Args:
+        lines: Counts [n, length].
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
+        kappa: Counts per electron.
+        reach: Distance around the peak in which pixels are used, in its measured widths.
+        full: Full scale, counts; pixels that reach it are not used.
+    """
+    from scipy.optimize import OptimizeWarning, curve_fit  # takes a while to import
+
+    patch = cut(lines, background, noise)
+    first, step = shape(patch, noise), columns()
+    centre, sigma = np.full((2, len(lines)), np.nan)
+    near = np.abs(step - first.centre[:, None]) <= reach * first.sigma[:, None] + 1.0
+    near &= patch.inside & (patch.raw < full)
+    white = np.maximum(np.square(noise), _LEAST_VARIANCE)
+    spread = np.sqrt(white[:, None] + kappa * np.maximum(patch.signal, 0.0))
+    for k in np.flatnonzero(patch.found & (near.sum(axis=1) > 3)):
+        some = near[k]
+        start = patch.height[k], first.centre[k], first.sigma[k]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", OptimizeWarning)
+            try:
+                found, covariance = curve_fit(
+                    _gauss, step[some], patch.signal[k, some], start, spread[k, some],
+                    absolute_sigma=True,
+                )  # fmt: skip
+            except RuntimeError:  # too many steps
+                continue
+        centre[k], sigma[k] = found[1], np.sqrt(covariance[1, 1])
+    found = place(patch, centre)
+    return found, np.where(np.isnan(found), np.nan, sigma)
+
+
+def _gauss(x: Floats, height: float, centre: float, width: float) -> Floats:
+    return np.asarray(height * np.exp(-0.5 * np.square((x - centre) / width)))

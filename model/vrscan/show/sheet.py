@@ -245,6 +245,14 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
+def block_of(text: str, name: str) -> str:
+    """Return the block of that name in ``text`` with its markers, an empty one if it has none."""
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    _, found, rest = text.partition(begin)
+    block, closed, _ = rest.partition(end)
+    return f"{begin}{block}{end}" if found and closed else f"{begin}\n\n{end}"
+
+
 def replace_block(text: str, name: str, block: str) -> str | None:
     """Return ``text`` with ``block`` between the markers of that name, or None without markers."""
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"

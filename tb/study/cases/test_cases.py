@@ -180,7 +180,7 @@ PAGE = (repository_root() / page.PAGE).read_text()
 
 def test_page_says_what_the_generator_measures() -> None:
     outcomes = page.measure()
-    difference = stale(PAGE, page.page(outcomes))
+    difference = stale(PAGE, page.page(outcomes, PAGE))
     assert not difference, f"{page.PAGE} is stale: vrscan cases --write\n" + "\n".join(difference)
     for case in every():
         off = case.modes[0] == WINDOWS[0] and bool(outcomes[case.name][0].unnoticed)

@@ -20,7 +20,6 @@ from vrscan.study.bench.sections.section import Order, Section
 from vrscan.study.progress import Progress
 
 SEED = 20_260_611
-MOST_SEED = 2**32 - 1
 INDEX = "index.html"
 
 

@@ -22,6 +22,8 @@ from vrscan.data.config import Config
 from vrscan.engines.tools import hardware_root
 
 Figures = dict[str, Any]  # values that JSON can hold
+MOST_SEED = 2**32 - 1
+
 Work = Callable[[dict[str, Any], int], Figures]
 
 _PACKAGE = Path(__file__).parents[2]

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vrscan.engines.tools import installed, repository_root
-from vrscan.show.sheet import Column, Sheet, words
+from vrscan.show.sheet import Column, Sheet, block_of, words
 from vrscan.study.cases.case import UNNOTICED_PX, WINDOWS, Case, LineCase, Outcome
 from vrscan.study.cases.case_errors import number
 from vrscan.study.cases.registry import rooms
 from vrscan.study.progress import Progress
 
 PAGE = "docs/hard-cases.md"
+ATTACK = "attack"  # the block of the page that another command makes
 OFF = "off without a warning"
 MODES = {"fit": "fit", "threshold": "one window"}
 _HEAD = f"""# Hard cases
@@ -148,10 +149,16 @@ def _off(outcomes: dict[str, list[Outcome]]) -> str:
     )
 
 
-def page(outcomes: dict[str, list[Outcome]]) -> str:
-    """Return the page."""
+def page(outcomes: dict[str, list[Outcome]], before: str = "") -> str:
+    """Return the page.
+
+    Args:
+        outcomes: The outcomes of every entry.
+        before: The page as it was; what ``vrscan bench attack`` wrote there stays.
+    """
     parts = [_HEAD]
     for title, cases in rooms().items():
         table = sheet(cases, outcomes).markdown().replace(OFF, f"**{OFF}**")
         parts.append(f"## {title}\n\n{table}\n")
-    return "\n".join([*parts, _off(outcomes)])
+    text = "\n".join([*parts, _off(outcomes)])
+    return f"{text}\n## Under another optics\n\n{block_of(before, ATTACK)}\n"
