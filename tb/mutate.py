@@ -198,8 +198,8 @@ FAULTS = [
         "rtl/peak/peak_isolate.sv",
         (
             "S/N at its limit is low",
-            "'0 || height_limit < product",
-            "'0 || height_limit <= product",
+            "dim_q     <= height_limit < product",
+            "dim_q     <= height_limit <= product",
         ),
         (
             "the threshold itself is above",
@@ -235,8 +235,8 @@ FAULTS = [
         ),
         (
             "flag of the next line",
-            "low_snr    = end_low_snr_q",
-            "low_snr    = compare_low_snr_q",
+            "clear ? end_low_clear_q",
+            "clear ? compare_low_clear_q",
         ),
         (
             "edge one early",
@@ -266,6 +266,16 @@ FAULTS = [
         ),
         ("limit of the register", "? WindowWidth'(vrscan_pkg::MinWindow)", "? WindowWidth'(2)"),
         ("a gap is a pixel longer", "GapWidth'(MostGap);", "GapWidth'(MostGap + 1);"),
+        (
+            "a row is even with more spread",
+            "CountWidth + 5)'(noise_q)",
+            "CountWidth + 5)'(spread_q)",
+        ),
+        ("a dim spot of no spread", "dim_q || far_dim_q", "dim_q"),
+        ("a row's noise is even", "(row_q || !even_q ? faint", "(!even_q ? faint"),
+        ("less is sure", "'0 : (product_wide << 2) + product_wide)", "'0 : product_wide << 2)"),
+        ("sure by the paper, too", "(peak_i.noise_row ? '0 : (", "(("),
+        ("unclear by the noise alone", "|| faint_q || far_faint_q", "|| faint_q"),
         (
             "a gap without a fit",
             "!peak_i.window_fit || saturated",
@@ -1468,7 +1478,7 @@ FAULTS = [
         ("a gap ends a run", "for each in (np.add, np.maximum)", "for each in (np.maximum,) * 2"),
         ("only the spread", "np.maximum(spread_term, height_term)", "spread_term"),
         ("broad ones are clear", "clear = ~broad & (", "clear = ("),
-        ("S/N at its limit is low", "SNR_FRACTION) < snr_min", "SNR_FRACTION) <= snr_min"),
+        ("S/N at its limit is low", "+ 3)) < least", "+ 3)) <= least"),
         only=NO_RTL,
     ),
     *faults(

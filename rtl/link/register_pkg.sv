@@ -415,7 +415,7 @@ package register_pkg;
   localparam logic ResetNoiseRow = 1'h0;
   localparam logic [15:0] ResetKNoise = 16'h280;
   localparam logic [15:0] ResetKHeight = 16'h2666;
-  localparam logic [15:0] ResetSnrMin = 16'h800;
+  localparam logic [15:0] ResetSnrMin = 16'h500;
   localparam logic [7:0] ResetMinWidth = 8'h3;
   localparam logic [7:0] ResetMaxWidth = 8'hff;
   localparam logic [17:0] ResetKappa = 18'h3333;

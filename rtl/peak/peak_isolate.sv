@@ -6,7 +6,9 @@
 // The statistics of a line come in, the line is replayed from the buffer, and after its last
 // pixel the window goes out with its flags.  The window's pixels, and those around it, stand in a
 // ring by the lower bits of their index, readable until the next line ends.  No decision divides:
-// the S/N is compared as (maximum - background) < snr_min noise.
+// the S/N is compared as (maximum - background) < snr_min noise.  A clear spot needs snr_min noises
+// and spreads where the spread is at most 17/16 of the noise, and 13/8 times as many noises
+// elsewhere: noise of low frequencies is as wide as a spot.
 //
 // The threshold lies above what the row's background reaches, so it takes the spread, up to half of
 // the height.  With noise_row it is the paper's, without that limit.  The core level tells a spot
@@ -125,7 +127,9 @@ module peak_isolate #(
   logic        [  CountWidth-1:0] height_q;  // maximum - background
   logic        [   TermWidth-1:0] spread_term_q, noise_term_q;
   logic        [  CountWidth-1:0] height_term_q;
-  logic                           low_snr_q, low_spread_q;
+  logic                           dim_q, far_dim_q, even_q, faint_q, far_faint_q;
+  logic                           low_clear_q, low_unclear_q;
+  logic        [   TermWidth+3:0] sure_q;  // 8 or 13 times the product before
   logic        [     TermWidth:0] threshold_q, core_q;  // cannot overflow: a term and a count
   logic        [  PixelWidth-1:0] maximum_q;
   logic        [  IndexWidth-1:0] max_index_q;
@@ -187,6 +191,17 @@ module peak_isolate #(
                                      : CountWidth'((vrscan_pkg::NoiseFloor * OneCount) >> 4);
   end
 
+  // 13 times the product, which is compared a clock later.
+  logic [TermWidth+3:0] sure_height, product_wide;
+  assign sure_height  = (TermWidth + 4)'(height_limit) << 3;
+  assign product_wide = (TermWidth + 4)'(product[TermWidth-1:0]);
+  always_ff @(posedge clk_i) begin
+    even_q <= {1'b0, spread_q, 4'd0} <= {1'b0, noise_q, 4'd0} + (CountWidth + 5)'(noise_q);
+    if (product_valid)
+      sure_q <= (product_wide << 3)
+                + (peak_i.noise_row ? '0 : (product_wide << 2) + product_wide);
+  end
+
   // What is compared stands since the product before.
   logic spread_high_q, spread_larger_q, noise_larger_q;
   always_ff @(posedge clk_i) begin
@@ -240,23 +255,29 @@ module peak_isolate #(
       end
       SNR_TERM: if (product_valid) begin
         core_q    <= {1'b0, noise_larger_q ? noise_term_q : core_height};
-        low_snr_q <= height_q == '0 || height_limit < product[TermWidth-1:0];
+        dim_q     <= height_limit < product[TermWidth-1:0];
         count_q   <= signed'({1'b0, spread_q});
         start_q   <= 1'b1;
         state_q   <= SPREAD_SNR_TERM;
       end
-      SPREAD_SNR_TERM: if (product_valid) begin
-        low_spread_q <= height_limit < product[TermWidth-1:0];
-        state_q      <= SUM;
+      SPREAD_SNR_TERM: begin
+        faint_q <= sure_height < sure_q;
+        if (product_valid) begin
+          far_dim_q <= height_limit < product[TermWidth-1:0];
+          state_q   <= SUM;
+        end
       end
       SUM: begin
+        far_faint_q <= sure_height < sure_q;
         threshold_q <= threshold_q + (TermWidth + 1)'(background_q);
         core_q      <= core_q + (TermWidth + 1)'(background_q);
         state_q     <= REPLAY;
       end
       REPLAY: begin
-        replay_o <= 1'b1;
-        state_q  <= IDLE;
+        low_clear_q   <= height_q == '0 || (row_q || !even_q ? faint_q : dim_q || far_dim_q);
+        low_unclear_q <= height_q == '0 || faint_q || far_faint_q;
+        replay_o      <= 1'b1;
+        state_q       <= IDLE;
       end
       default: state_q <= IDLE;
     endcase
@@ -277,8 +298,8 @@ module peak_isolate #(
   // first pixel, and the ending line's a clock later, behind the flags of the one before.
   logic [IndexWidth-1:0] compare_max_index_q, end_max_index_q;
   logic [   TermWidth:0] compare_threshold_q, compare_core_q;
-  logic                  replay_q, replay_q2, compare_low_snr_q, end_low_snr_q;
-  logic                  compare_low_spread_q, end_low_spread_q;
+  logic                  replay_q, replay_q2, compare_low_clear_q, end_low_clear_q;
+  logic                  compare_low_unclear_q, end_low_unclear_q;
   logic [PixelWidth-1:0] compare_maximum_q, end_maximum_q;
   logic                  saturated, end_saturated_q;
   logic [  GapWidth-1:0] most_gap_q;
@@ -291,28 +312,28 @@ module peak_isolate #(
     replay_q  <= replay_o;
     replay_q2 <= replay_q;
     if (replay_q2) begin
-      compare_threshold_q  <= threshold_q;
-      compare_core_q       <= core_q;
-      compare_low_spread_q <= low_spread_q;
-      compare_spread_q     <= spread_q;
-      compare_low_snr_q    <= low_snr_q;
-      compare_max_index_q  <= max_index_q;
-      compare_maximum_q    <= maximum_q;
-      compare_background_q <= background_q;
-      compare_noise_q      <= noise_q;
-      compare_user_q       <= user_q;
+      compare_threshold_q   <= threshold_q;
+      compare_core_q        <= core_q;
+      compare_low_clear_q   <= low_clear_q;
+      compare_low_unclear_q <= low_unclear_q;
+      compare_spread_q      <= spread_q;
+      compare_max_index_q   <= max_index_q;
+      compare_maximum_q     <= maximum_q;
+      compare_background_q  <= background_q;
+      compare_noise_q       <= noise_q;
+      compare_user_q        <= user_q;
     end
     if (seen_q && first_q) begin
-      end_low_snr_q    <= compare_low_snr_q;
-      end_low_spread_q <= compare_low_spread_q;
-      end_spread_q     <= compare_spread_q;
-      end_max_index_q  <= compare_max_index_q;
-      end_maximum_q    <= compare_maximum_q;
-      end_saturated_q  <= saturated;
-      most_gap_q       <= !peak_i.window_fit || saturated ? '0 : GapWidth'(MostGap);
-      end_background_q <= compare_background_q;
-      end_noise_q      <= compare_noise_q;
-      end_user_q       <= compare_user_q;
+      end_low_clear_q   <= compare_low_clear_q;
+      end_low_unclear_q <= compare_low_unclear_q;
+      end_spread_q      <= compare_spread_q;
+      end_max_index_q   <= compare_max_index_q;
+      end_maximum_q     <= compare_maximum_q;
+      end_saturated_q   <= saturated;
+      most_gap_q        <= !peak_i.window_fit || saturated ? '0 : GapWidth'(MostGap);
+      end_background_q  <= compare_background_q;
+      end_noise_q       <= compare_noise_q;
+      end_user_q        <= compare_user_q;
     end
     if (rst_i) begin
       replay_q  <= 1'b0;
@@ -465,7 +486,7 @@ module peak_isolate #(
   // ---- flags ----
   logic clear, low_snr, too_narrow, too_wide;
   assign clear      = !broad_q && rivals_q <= RivalWidth'(MostRivals);
-  assign low_snr    = end_low_snr_q || (end_low_spread_q && !clear);
+  assign low_snr    = clear ? end_low_clear_q : end_low_unclear_q;
   assign too_narrow = !found_enough_q;
   assign too_wide   = WiderWidth'(found_width_q) > WiderWidth'(max_width_q)
                       || (broad_q && !end_saturated_q);

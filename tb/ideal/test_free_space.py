@@ -111,11 +111,11 @@ def test_the_reach_is_where_the_darkest_surface_is_bright_enough(config: Config)
         z = np.linspace(near[k], far[k], 300)[:, None]
         electrons = response(z, angles, config) * config.free.darkest / config.laser.power_max
         snr = electrons * config.peak.kappa * each
-        assert snr.min() >= 0.999 * config.peak.snr_min
+        assert snr.min() >= 0.999 * config.peak.snr_sure
         # A hundredth farther out, at some angle it is not.
         for beyond in (0.99 * near[k], 1.01 * far[k]):
             if beyond < config.free.far_mm:
                 outside = response(np.array([beyond]), angles, config).min()
                 scaled = outside * config.free.darkest * config.peak.kappa * each
-                assert scaled / config.laser.power_max < config.peak.snr_min
+                assert scaled / config.laser.power_max < config.peak.snr_sure
     assert np.isinf(near[0]) and far[0] == 0.0 and far[-1] == config.free.far_mm

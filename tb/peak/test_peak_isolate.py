@@ -495,13 +495,14 @@ def test_peak_isolate_model_is_the_run_of_the_equations(fit: bool) -> None:
     assert np.array_equal(got.left[found], want.left[found])
     assert np.array_equal(got.right[found], want.right[found])
     assert np.array_equal((got.flags >> pkg.FLAG_RIVAL & 1)[sure], rival[sure])
+    even = clear & (spread <= ideal.EVEN * noise)
     noise = np.where(clear, noise, np.maximum(noise, spread))
     assert np.array_equal((got.noise / step)[sure], noise[sure])
-    # A height of exactly snr_min noises is enough.
     heights = statistics.maximum - background
-    sure &= np.abs(heights - 5 * noise) > 1e-3
+    least = np.where(even, 5 * np.maximum(noise, spread), 13 / 8 * 5 * noise)
+    sure &= np.abs(heights - least) > 1e-3
     low = got.flags >> pkg.FLAG_LOW_SNR & 1
-    assert np.array_equal(low[sure], (heights < 5 * noise)[sure])
+    assert np.array_equal(low[sure], (heights < least)[sure])
 
 
 def test_a_pixel_on_the_threshold_is_not_above_it() -> None:
@@ -511,23 +512,27 @@ def test_a_pixel_on_the_threshold_is_not_above_it() -> None:
 
 
 def test_peak_isolate_model_takes_the_least_ratio() -> None:
-    """A peak of exactly snr_min noises is not low; one count less is."""
-    lines = np.zeros((2, 300), np.uint16)
-    lines[0, 100:105], lines[1, 100:105] = 70, 69
+    """A peak of exactly snr_min noises is not low; one count less is.
+
+    The same of 13/8 snr_min where the row spreads by more than 17/16 of the noise.
+    """
+    lines = np.zeros((6, 300), np.uint16)
+    lines[:, 100:105] = np.array([70, 69, 74, 73, 150, 149])[:, None]
     shift = pkg.COUNT_WIDTH - 12
-    zeros = np.zeros(2, np.int64)
+    zeros = np.zeros(6, np.int64)
     statistics = LineStatistics(
         maximum=lines.max(axis=1).astype(np.int64),
-        max_index=np.full(2, 100),
+        max_index=zeros + 100,
         row_mean=zeros,
         row_variance=zeros,
         background=zeros + (20 << shift),
-        noise=np.full(2, 10 << shift),
-        spread=np.full(2, 10 << shift),
-        row_statistics=np.zeros(2, np.bool_),
+        noise=np.array([160, 160, 160, 160, 256, 256]) << (shift - 4),
+        spread=np.array([160, 160, 170, 170, 273, 273]) << (shift - 4),
+        row_statistics=zeros.astype(np.bool_),
     )
+    statistics.spread[4:] += 1
     got = peak_isolate(lines, statistics, pixel_width=12, max_window=255, **vars(Settings()))
-    assert (got.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [0, 1]
+    assert (got.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [0, 1, 0, 1, 0, 1]
 
 
 @pytest.mark.parametrize("below", [0.0, 1.0, 1.5, 2.0])
@@ -594,6 +599,6 @@ def test_dark_lines_have_no_point_and_a_spot_on_them_has_one(kind: str, count: i
         assert not points(light).any()
     if kind == "two hot pixels":
         return  # the brightest pixel is then no spot's
-    # Twice the least S/N, of a spot of s = 3 px.
+    # Twice the S/N from which any row's spot is one, of a spot of s = 3 px.
     spot = np.exp(-(((np.arange(2048) - 700.3) / 3) ** 2) / 2)
     assert points(light + 16 * np.maximum(light.std(axis=1), 1.0)[:, None] * spot).mean() > 0.95

@@ -80,7 +80,7 @@ def test_both_ends_are_seen_and_bright_enough(name: str) -> None:
         electrons = response(z, radians, config) * config.free.darkest * power[rows]
         counts = electrons * config.peak.kappa / config.laser.power_max
         snr = counts / (noise[rows] * noise_step(config))
-        assert snr.min() >= 0.995 * config.peak.snr_min
+        assert snr.min() >= 0.995 * config.peak.snr_sure
 
 
 @pytest.mark.parametrize("name", [*SCANNERS, "barrel", "turned"])

@@ -90,7 +90,7 @@ class Peak(Section):
     | 3.5 | 0.02 | 0.915 | 0.06 px |
 
     No line was lost in any of them, and none had a false RIVAL. ``snr_min`` and ``min_width`` cost
-    nothing there, because the dimmest spot is 44 standard deviations high; 8 and 3 px keep lines
+    nothing there, because the dimmest spot is 44 standard deviations high; 5 and 3 px keep lines
     without a spot out.
 
     With two passes the first window only has to find the spot and its width, and ``k_first``
@@ -113,8 +113,8 @@ class Peak(Section):
     """Threshold in the first of two passes, as k_height."""
     k_fit: float = Field(default=0.15, ge=0, lt=1)
     """The same before a fit."""
-    snr_min: float = Field(default=8.0, ge=0, lt=256)
-    """Least S/N of a spot, below which it is flagged."""
+    snr_min: float = Field(default=5.0, ge=0, lt=256)
+    """Least S/N of a spot on an even row, below which it is flagged; elsewhere ``snr_sure``."""
     min_width: int = Field(default=3, ge=3, le=255)
     """Narrowest window, px."""
     max_width: int = Field(default=255, ge=3, le=255)
@@ -125,6 +125,11 @@ class Peak(Section):
     kappa: float = Field(default=0.2, ge=0, lt=4)
     """Counts per electron; without it the range of pixel_width bits over the sensor's
     full_well_e."""
+
+    @property
+    def snr_sure(self) -> float:
+        """Return the S/N from which a spot is found on any row: 13/8 times ``snr_min``."""
+        return self.snr_min * (1.0 if self.noise == "row" else 13 / 8)
 
     @model_validator(mode="after")
     def _widths(self) -> "Peak":

@@ -14,6 +14,8 @@ HALF_SHIFT = 1  # the spread lifts the threshold to half of the height at most
 CORE_SHIFT = 2  # the second level is at a quarter of the height
 MOST_RIVALS = 2  # narrow rivals of a clear spot
 MOST_RAISED = 15  # powers of two by which clipping may hide the noise
+SURE = 13  # eighths of snr_min from which a spot is found on any row
+EVEN = 17  # sixteenths of the noise up to which the spread of an even row is
 MOST_GAP = 4  # px between the parts of a spot that speckle breaks up; a fit joins them
 
 
@@ -83,7 +85,8 @@ def peak_isolate(
         k_noise: Threshold above the background over the spread, and the second level over the
             noise, 8 fraction bits.
         k_height: Threshold above the background over the peak's height, 16 fraction bits.
-        snr_min: Least signal-to-noise ratio, 8 fraction bits.
+        snr_min: Least signal-to-noise ratio, 8 fraction bits, of a clear spot on an even row; 13/8
+            times as much elsewhere.
         min_width: Least width; below 3 counts as 3.
         max_width: Largest width; above ``max_window`` counts as ``max_window``.
         max_core: Largest width at the second level, but for a saturated spot.
@@ -126,9 +129,13 @@ def peak_isolate(
     clear = ~broad & (core.others(min_width, max_core) <= MOST_RIVALS)
     uneven = ~clear & (statistics.spread > statistics.noise)
     noise = np.where(uneven, statistics.spread, statistics.noise)
-    raised = np.maximum(noise, unclipped(statistics, pixel_width))
-    judged = np.where(statistics.row_statistics | noise_row, noise, raised)
-    low_snr = (height == 0) | ((height << pkg.SNR_FRACTION) < snr_min * judged)
+    row_only = statistics.row_statistics | noise_row
+    raised = np.maximum(statistics.noise, unclipped(statistics, pixel_width))
+    judged = np.where(row_only, statistics.noise, raised)
+    even = clear & ~row_only & (16 * statistics.spread <= EVEN * statistics.noise)
+    judged = np.where(clear & ~even, judged, np.maximum(judged, statistics.spread))
+    least = np.where(even | noise_row, 8, SURE) * snr_min
+    low_snr = (height == 0) | ((height << (pkg.SNR_FRACTION + 3)) < least * judged)
     too_narrow, too_wide = (
         (runs.pixels < min_width) | (runs.part < 2),
         (width > max_width) | (broad & ~saturated),

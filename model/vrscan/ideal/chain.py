@@ -15,6 +15,7 @@ from vrscan.ideal import confidence, free_space, geometry, peak_fit, peak_neighb
 from vrscan.ideal.correction_map import correction, filled_beside, maps_for
 from vrscan.ideal.peak import (
     CORE_HEIGHT,
+    EVEN,
     MOST_GAP,
     Windows,
     clear,
@@ -172,10 +173,16 @@ def _run(
     k_noise, k_height = peak.k_noise, peak.cut_height
     window = runs(cut(row, k_noise=k_noise, k_height=k_height, limited=not noise_row))
     core = runs(threshold(background, noise, row.maximum, k_noise=k_noise, k_height=CORE_HEIGHT))
-    noise = np.where(clear(core, max_core=peak.max_core), noise, np.maximum(noise, spread))
-    raised = np.maximum(noise, unclipped(row.noise, background))
-    judged = np.where(row.row_only | noise_row, noise, raised)
-    low_snr = (height <= 0.0) | (height < peak.snr_min * judged)
+    clearly = clear(core, max_core=peak.max_core)
+    noise = np.where(clearly, noise, np.maximum(noise, spread))
+    raised = np.maximum(row.noise, unclipped(row.noise, background))
+    judged = np.where(row.row_only | noise_row, row.noise, raised)
+    # Dim light is a spot where the row is as even as what is beside it: noise of low frequencies,
+    # which is as wide as a spot, is not.
+    even = clearly & ~row.row_only & (spread <= EVEN * row.noise)
+    least = np.where(even, peak.snr_min, peak.snr_sure)
+    judged = np.where(clearly & ~even, judged, np.maximum(judged, spread))
+    low_snr = (height <= 0.0) | (height < least * judged)
     snr = confidence.signal_to_noise(row.maximum, background, noise)
 
     too_narrow = (window.pixels < peak.min_width) | ~window.pair

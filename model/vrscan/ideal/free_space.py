@@ -147,7 +147,7 @@ def reach(ratio: Floats, angle_rad: Floats, config: Config) -> tuple[Floats, Flo
     peak = response(z, np.asarray(angle_rad)[:, None], config)
     counts = peak * config.free.darkest * config.peak.kappa / config.laser.power_max
     with np.errstate(divide="ignore"):
-        wanted = config.peak.snr_min / np.asarray(ratio, np.float64)
+        wanted = config.peak.snr_sure / np.asarray(ratio, np.float64)
     near, far = np.full(len(wanted), np.inf), np.zeros(len(wanted))
     for k, least in enumerate(wanted.tolist()):
         seen = counts >= least

@@ -13,6 +13,7 @@ FAINTEST = 2.0**-12  # counts, least background that is told from none
 MOST_RAISED = 15  # powers of two by which clipping may hide the noise
 CORE_HEIGHT = 0.25  # share of the height above which other runs are rivals
 MOST_RIVALS = 2  # narrow rivals of a clear spot
+EVEN = 17 / 16  # spread over noise up to which a row is even
 MOST_GAP = 4  # px between parts that speckle breaks up, which a fit joins where none is full
 
 

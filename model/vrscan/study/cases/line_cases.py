@@ -48,7 +48,7 @@ def _empty() -> Iterator[Case]:
     yield LineCase(
         "line-noise-only",
         "the largest of 2048 noises is a maximum too",
-        "2048 Gaussian noises reach 3 to 5 deviations, snr_min is 8: LOW_SNR",
+        "2048 Gaussian noises reach 3 to 5 deviations, in a pixel or two: LOW_SNR or TOO_NARROW",
         tuple(line(clipped(row), None) for row in noisy),
     )
 

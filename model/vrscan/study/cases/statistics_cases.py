@@ -123,12 +123,12 @@ def _ratios() -> Iterator[Case]:
     ripple = LEVEL + 4.0 * np.where(np.arange(LENGTH) % 8 < 5, 1.0, -1.0)
     lowest = [
         line(box(ripple, 704, [LEVEL + h, LEVEL + 1 + h, LEVEL + h]), flags)
-        for h, flags in ((24, "LOW_SNR"), (28, "LOW_SNR"), (32, ""), (36, ""))
+        for h, flags in ((16, "LOW_SNR"), (18, "LOW_SNR"), (20, ""), (24, ""))
     ]
     yield LineCase(
         "snr-at-its-limit",
-        "height over noise is 6, 7, 8 and 9 where snr_min is 8",
-        "LOW_SNR below 8; 8 itself is enough",
+        "height over noise is 4, 4.5, 5 and 6 on an even row, where snr_min is 5",
+        "LOW_SNR below 5; 5 itself is enough",
         tuple(lowest),
     )
     weak = [spot(700.0 + p, 3, 12, flags="") for p in (0.0, 0.5)]
@@ -235,8 +235,8 @@ def _formats() -> Iterator[Case]:
     yield LineCase(
         "line-length-64",
         "a single block: no background is left, and the row's deviation holds the peak",
-        "no sample of n is more than sqrt(n - 1) deviations from the mean, 7.94 here, and snr_min "
-        "is 8: LOW_SNR, whatever comes; with snr_min 2 see pixel-width-10",
+        "no sample of n is more than sqrt(n - 1) deviations from the mean, 7.94 here, and 13/8 of "
+        "snr_min is 8.1: LOW_SNR, whatever comes; with snr_min 2 see pixel-width-10",
         tuple(spots),
         pixel_width=10,
     )
