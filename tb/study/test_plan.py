@@ -382,6 +382,19 @@ def test_a_survey_draws_from_each_part_alike(config: Config) -> None:
     assert (np.diff(seen.distance_mm) > 0.0).all()
 
 
+@pytest.mark.parametrize("count", [2_000, 20_000, LONG])
+def test_the_survey_of_an_even_sweep_has_lines_of_all_its_edges(count: int) -> None:
+    """A stair's edges move the lines of a few beams' widths each, which the sweep sees once."""
+    scene: dict[str, Any] = {
+        "target": [{"kind": "plane", "position_mm": [0, 0, 400], "size_mm": [300, 50]}],
+        "scan": {"sweep": "even", "half_angle_deg": 5.0},
+    }
+    seen = survey(Light(parse(scene, "sweep", Path()), CONFIG), count)
+    apart = np.diff(np.sort(seen.numbers), prepend=0, append=count - 1)
+    print(f"{len(seen.numbers)} of {count} lines, {apart.max()} apart at most")
+    assert apart.max() < 0.02 * count
+
+
 @EACH_SCANNER
 def test_lines_are_given_in_any_order(config: Config) -> None:
     scanner = Scanner(Light(load("plane"), config), 3000, frozenset({"speckle"}))

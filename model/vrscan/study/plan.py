@@ -49,7 +49,8 @@ JUMP_PX = 3.0
 LEAST_LINES = 16_384  # a scan of fewer lines takes less time in full than choosing
 _SURVEY = 4  # blocks in which the survey looks for its lines
 _PLACE = 80  # consecutive lines whose changes are one observation: they may be one edge's
-_PANNED = 24, _PLACE  # blocks, and consecutive lines of each, where the scanner pans
+_PANNED = 24  # blocks of a scan that pans, of each of which ``_PLACE`` lines are looked at
+_SWEPT = 96  # largest number of blocks of an even sweep, each of whose lines has its own angle
 _PER_ZONE = 340, 1280  # least and largest number of survey lines, if there are that many
 _SHARE = 100  # lines of the scan per line of the survey, in between
 _HIDDEN = 4  # there are this many times fewer lines with a hidden spot
@@ -262,16 +263,18 @@ def survey(light: Light, count: int) -> Survey:
         InputError: if the camera sees none of the lines.
     """
     scanner = Scanner(light, count, frozenset())
-    # A scanner that pans sees each place in few lines, and the view of each place takes time.
-    some, rows = (_SURVEY, BLOCK) if light.scene.scan.pan_mm_per_s == 0.0 else _PANNED
+    if light.scene.scan.pan_mm_per_s != 0.0:  # a place is in few lines, and its view takes time
+        some, rows = _PANNED, slice(_PLACE)
+    elif light.scene.scan.sweep == "mirror":
+        some, rows = _SURVEY, slice(BLOCK)
+    else:
+        some = min(_SWEPT, scanner.blocks)
+        rows = slice(0, BLOCK, max(1, some // _SURVEY))
     blocks = np.unique(np.linspace(0, scanner.blocks - 1, some).round().astype(np.int64))
-    numbers, depths = [], []
-    for block in blocks.tolist():
-        truth = scanner.renderer.look(picked(scanner.timeline(block), slice(rows)))
-        numbers.append(block * BLOCK + np.arange(len(truth.z_mm)))
-        depths.append(np.where(np.isfinite(truth.position_px), truth.z_mm, np.nan))
-    number, depth = np.concatenate(numbers), np.concatenate(depths)
-    number, depth = number[number < count], depth[number < count]
+    when = Timeline.joined([picked(scanner.timeline(k), rows) for k in blocks.tolist()])
+    when = picked(when, np.flatnonzero(when.line < count))
+    number, truth = when.line, scanner.renderer.look(when)
+    depth = np.where(np.isfinite(truth.position_px), truth.z_mm, np.nan)
     seen = np.flatnonzero(np.isfinite(depth))
     if len(seen) == 0:
         raise InputError(
