@@ -191,6 +191,28 @@ def test_whoever_stops_early_leaves_no_process() -> None:
     assert not any(alive(process) for process in seen)
 
 
+ORPHANS = """
+import os, signal
+from vrscan.data.parallel import workers
+def large(number): return os.getpid(), bytes(10**7)  # more than a pipe holds
+with workers(large, 2) as do:
+    results = do(range(1000))
+    print(*{next(results)[0] for _ in range(9)}, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_processes_whose_results_nobody_takes_end() -> None:
+    done = subprocess.run([sys.executable, "-c", ORPHANS], stdout=subprocess.PIPE, text=True)
+    assert done.returncode == -signal.SIGKILL
+    left = [int(process) for process in done.stdout.split()]
+    assert left
+    deadline = time.monotonic() + 10
+    while any(alive(process) for process in left) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [process for process in left if alive(process)]
+
+
 PEAK = """
 from pathlib import Path
 from vrscan.cli import app as cli

@@ -1,7 +1,10 @@
 """Work on all cores: results come in order, and the number of items in flight is limited."""
 
 import contextlib
+import os
 import signal
+import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
@@ -14,7 +17,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 _AHEAD = 2  # items in flight per process: one in work and one waiting
-_IDLE_S = 60.0  # time after which a process without a parent ends
+_ORPHAN_S = 1.0  # time after which a process without a parent ends
 
 
 def processors() -> int:
@@ -81,7 +84,7 @@ def executor(jobs: int, work: Callable[[Any], Any] | None = None) -> Iterator[Ex
         from loky.process_executor import BrokenProcessPool
 
     # Not forked: a fork may hold a lock of the thread that draws the progress.
-    pool = ProcessPoolExecutor(jobs, timeout=_IDLE_S, initializer=_begin, initargs=(work,))
+    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(work, os.getpid()))
     try:
         yield pool
     except BrokenProcessPool as error:
@@ -93,10 +96,22 @@ def executor(jobs: int, work: Callable[[Any], Any] | None = None) -> Iterator[Ex
 _work: list[Callable[[Any], Any]] = []  # the work of this process
 
 
-def _begin(work: Callable[[Any], Any] | None) -> None:
+def _begin(work: Callable[[Any], Any] | None, parent: int) -> None:
     for each in (signal.SIGINT, signal.SIGTERM):  # the waiting process handles them
         signal.signal(each, signal.SIG_IGN)
+    threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
     _work[:] = [] if work is None else [work]
+
+
+def _end_after(parent: int) -> None:
+    """End this process after its parent, which may be killed while a result is on its way.
+
+    Nobody takes the result then, and the process would wait for ever: it holds the reading end of
+    its pipe, too.
+    """
+    while os.getppid() == parent:
+        time.sleep(_ORPHAN_S)
+    os._exit(1)
 
 
 def _do(item: Any) -> Any:
