@@ -93,7 +93,7 @@ def test_filters_work_in_the_order_of_the_command(
     places = {name: [row["z_mm"] for row in rows(name)] for name in ("a.csv", "b.csv", "d.csv")}
     assert places["a.csv"] != places["b.csv"]
     a, d = (np.array([float(z or 0.0) for z in places[name]]) for name in ("a.csv", "d.csv"))
-    assert np.abs(a - d).max() < 2e-4  # the file between them rounds
+    assert np.abs(a - d).max() < 2.5e-4  # the file between them rounds to 1e-4
     capsys.readouterr()
     given = ["--without", "MIXED", "--min-confidence", "0.5", "--spike", "3", "--outlier", "5"]
     assert ended(monkeypatch, "filter", "scan/points.csv", "e.csv", *given) == 0
