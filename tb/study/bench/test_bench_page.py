@@ -239,7 +239,7 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
     found = Reader(page.page("", "", [], placed)).rows
     assert found["cost-one-pass"][4:] == ["303", "1.5"]
     assert found["cost-two-pass"][4:] == ["406", "3"]
-    assert found["cost-fit"][4:] == ["510", "5"] and found["cost-fit"][3] == "3195"
+    assert found["cost-fit"][4:] == ["510", "5"] and found["cost-fit"][3] == "3283"
     assert int(found["cost-two-pass"][3]) > int(found["cost-one-pass"][3]) > 100
     board = load(Path(SHIPPED.preset))
     assert read.rows["speed-hardware"][1] == f"{math.floor(board.most_lines_hz):,}"
