@@ -56,7 +56,7 @@ def test_a_preset_measures_a_plane_as_its_twin_and_as_it_is(name: str) -> None:
 @pytest.mark.parametrize(("name", "z_mm"), [(name, z) for name in PRESETS for z in BOARDS_MM[name]])
 def test_a_preset_measures_a_board_in_its_range(name: str, z_mm: float, tmp_path: Path) -> None:
     said = scanned(tmp_path, name, z_mm, "--lines", "2000", "--fidelity", "full")
-    row = re.search(r"all +(\d+) +(\d+) +([\d.]+) % +0 +[\d.]+ +[\d.]+ +([\d.]+) ", said)
+    row = re.search(r"all +(\d+) +(\d+) +([\d.]+) % +0 +[-\d.]+ +[\d.]+ +[\d.]+ +([\d.]+) ", said)
     ratio = re.search(r"error/sigma ([\d.]+), 2 sigma holds ([\d.]+) %", said)
     assert row and ratio, said
     print(f"{name} at {z_mm:g} mm: rms {row[4]} %, error/sigma {ratio[1]}")
@@ -70,7 +70,7 @@ def test_a_presets_loops_follow_a_board(name: str, tmp_path: Path) -> None:
     said = scanned(
         tmp_path, name, far, "--lines", "3000", "--power", "adaptive", "--focus", "automatic"
     )
-    row = re.search(r"all +(\d+) +(\d+) +([\d.]+) % +0 +[\d.]+ +[\d.]+ +([\d.]+) ", said)
+    row = re.search(r"all +(\d+) +(\d+) +([\d.]+) % +0 +[-\d.]+ +[\d.]+ +[\d.]+ +([\d.]+) ", said)
     assert row and float(row[3]) > 90.0 and float(row[4]) < 0.2, said
 
 
