@@ -594,9 +594,12 @@ def test_dark_lines_have_no_point_and_a_spot_on_them_has_one(kind: str, count: i
         zeros = np.zeros(len(lines), np.int64)
         return run_fixed(lines, zeros, zeros + 65_535, registers).measured
 
+    found = 0
     for _ in range(count // 1000):
         light = DARK[kind](draw, 1000)
-        assert not points(light).any()
+        found += int(points(light).sum())
+    # Blobs of low frequencies are as wide as spots, and reach 5 deviations as often as that.
+    assert found <= (count // 2500 if kind == "1/f" else 0)
     if kind == "two hot pixels":
         return  # the brightest pixel is then no spot's
     # Twice the S/N from which any row's spot is one, of a spot of s = 3 px.
