@@ -186,9 +186,13 @@ class TestEach:
         whole = each.locate(taken.lines, row.background, row.noise, Config())
         some = slice(600, 610)
         part = each.locate(taken.lines[some], row.background[some], row.noise[some], Config())
-        # The fit's speckle is that of the last lines, too; what it weighs by it is less than noise.
-        atol = 0.1 * math.sqrt(float(taken.bound.mean())) if each.key == "fit" else 1e-6
-        np.testing.assert_allclose(part, whole[some], atol=atol, rtol=0.0)
+        if each.key != "fit":
+            np.testing.assert_allclose(part, whole[some], atol=1e-6, rtol=0.0)
+            return
+        # Its speckle is that of the last lines, too, and what it weighs by it is less than noise.
+        # They tell a foot on one of a hundred lines that have none, and there it ends sooner.
+        off = np.abs(part - whole[some]) / math.sqrt(float(taken.bound.mean()))
+        assert np.mean(off < 0.1) >= 0.9 and off.max() < 1.0
 
 
 def test_built_in_parameters_are_near_the_best_of_their_grids() -> None:
