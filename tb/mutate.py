@@ -265,7 +265,7 @@ FAULTS = [
             "LateWidth'(vrscan_pkg::RingMargin - 60));",
         ),
         ("limit of the register", "? WindowWidth'(vrscan_pkg::MinWindow)", "? WindowWidth'(2)"),
-        ("a gap is a pixel longer", "GapWidth'(MostGap);", "GapWidth'(MostGap + 1);"),
+        ("a gap is a pixel longer", "GapWidth'(MostGap) : '0", "GapWidth'(MostGap + 1) : '0"),
         (
             "a row is even with more spread",
             "CountWidth + 5)'(noise_q)",
@@ -278,13 +278,8 @@ FAULTS = [
         ("unclear by the noise alone", "|| faint_q || far_faint_q", "|| faint_q"),
         (
             "a gap without a fit",
-            "!peak_i.window_fit || saturated",
-            "saturated",
-        ),
-        (
-            "a gap where pixels are saturated",
-            "!peak_i.window_fit || saturated",
-            "!peak_i.window_fit",
+            "peak_i.window_fit ? GapWidth'(MostGap) : '0",
+            "GapWidth'(MostGap)",
         ),
         ("a gap is the window's end", "= above_q ? index_q : run_right_q", "= index_q"),
         ("a gap counts at the core level", "+ WidthWidth'(core_above_q)", "+ WidthWidth'(1)"),

@@ -322,16 +322,17 @@ module peak_fit #(
   logic signed [         17:0] turned_q;
   logic        [         16:0] feet_q, turned_size_q;
   logic        [          5:0] clear_q;  // lines without a saturated pixel
-  logic        [         20:0] all_feet_q;
+  logic        [         20:0] more_feet, all_feet_q;
   logic                        told_q, large_q;
   // Of the pass that runs: whether a fit ends before the window, and where u**2 is 2.
   logic                        foot_q, large_foot_q;
   logic                        clear_line_q;
   assign line_foot   = {whole_q, numerator_q[35], foot_lean_q};
+  assign more_feet   = 21'(feet_q) + 21'(MoreLean);
   assign foot_change = foot_drop ? oldest_foot_q : line_foot;
   always_ff @(posedge clk_i) begin
     turned_size_q <= turned_q[17] ? unsigned'(-turned_q[16:0]) : unsigned'(turned_q[16:0]);
-    all_feet_q    <= 21'(feet_q + MoreLean) + (21'(feet_q + MoreLean) << 2);
+    all_feet_q    <= more_feet + (more_feet << 2);
     told_q        <= {1'b0, turned_size_q, 3'd0} >= all_feet_q;
     large_q       <= turned_size_q >= {1'b0, clear_q, 10'd0};
     oldest_foot_q <= lean_full_q ? foot_mem[lean_at_q] : '0;
@@ -479,7 +480,7 @@ module peak_fit #(
     chi_small_q <= chi_q <= 44'(signed'({1'b0, chi_limit_q}));
     mixed_limit_q <= 41'({chi_limit_q, 1'b0}) + 41'(chi_limit_q);
     chi_large_q <= chi_q > 44'(signed'({1'b0, mixed_limit_q}));
-    close_limit_q <= 40'(chi_limit_q) + 40'(chi_limit_q >> 1);
+    close_limit_q <= 40'(chi_limit_q) + (40'(chi_limit_q) >> 1);
     chi_close_q   <= chi_q <= 44'(signed'({1'b0, close_limit_q}));
     enough_q    <= pixels_q >= 8'd4;
     unclipped_q <= (11'(clipped_q) << 3) <= 11'(pixels_q) + 11'(clipped_q);

@@ -17,10 +17,10 @@
 // wide and at most MostRivals others are from min_width to max_core wide.  A clear one is judged by
 // the noise beside it; a broad one or one of many by the spread, where that is larger, because a
 // wall's texture, its edges and its lamps look like that.  A broad one is TOO_WIDE unless it is
-// saturated.  Where a fit follows and no pixel is saturated, runs at most MostGap pixels apart are
-// one: out of focus, coarse speckle breaks a spot up.  At the core level the width of such a one is
-// without the gaps, and one of its parts has to be min_width wide.  Of a window min_width pixels
-// have to be above, two of them side by side, so two hot pixels are no spot.
+// saturated.  Where a fit follows, runs at most MostGap pixels apart are one: out of focus, coarse
+// speckle breaks a spot up.  At the core level the width of such a one is without the gaps, and one
+// of its parts has to be min_width wide.  Of a window min_width pixels have to be above, two of them
+// side by side, so two hot pixels are no spot.
 //
 // Where black is clipped only the tail of the noise is seen, whose sigma is about 1.4 times its
 // variance over its mean.  So noise above the background, but for a row's, is multiplied by 1.4
@@ -330,7 +330,7 @@ module peak_isolate #(
       end_max_index_q   <= compare_max_index_q;
       end_maximum_q     <= compare_maximum_q;
       end_saturated_q   <= saturated;
-      most_gap_q        <= !peak_i.window_fit || saturated ? '0 : GapWidth'(MostGap);
+      most_gap_q        <= peak_i.window_fit ? GapWidth'(MostGap) : '0;
       end_background_q  <= compare_background_q;
       end_noise_q       <= compare_noise_q;
       end_user_q        <= compare_user_q;

@@ -72,7 +72,7 @@ def peak_isolate(
     A second level, at a quarter of the height, tells spots from their surroundings: other runs
     above it are rivals, and a spot is clear where its own is at most ``max_core`` wide and no more
     than ``MOST_RIVALS`` others are from ``min_width`` to ``max_core`` wide. What is not clear is
-    judged by the spread. Where a fit follows and no pixel is saturated, runs at most ``MOST_GAP``
+    judged by the spread. Where a fit follows, runs at most ``MOST_GAP``
     pixels apart are one: its width at the second level is without the gaps, and one part of it has
     to be ``min_width`` wide. Of a window, too, gaps do not count for ``min_width``, and two pixels
     above are side by side: two hot ones are no spot.
@@ -116,8 +116,7 @@ def peak_isolate(
         noise_term(statistics.noise), height >> CORE_SHIFT
     )
 
-    saturated = statistics.maximum >= saturation_level
-    gap = np.where(saturated | (not window_fit), 0, MOST_GAP)
+    gap = MOST_GAP if window_fit else 0
     runs = _Runs.above(lines, threshold >> shift, statistics.max_index, gap)
     core = _Runs.above(lines, core_level >> shift, statistics.max_index, gap)
     width = runs.width
@@ -136,6 +135,7 @@ def peak_isolate(
     judged = np.where(clear & ~even, judged, np.maximum(judged, statistics.spread))
     least = np.where(even | noise_row, 8, SURE) * snr_min
     low_snr = (height == 0) | ((height << (pkg.SNR_FRACTION + 3)) < least * judged)
+    saturated = statistics.maximum >= saturation_level
     too_narrow, too_wide = (
         (runs.pixels < min_width) | (runs.part < 2),
         (width > max_width) | (broad & ~saturated),
@@ -202,8 +202,8 @@ class _Runs:
     parts: Ints
 
     @classmethod
-    def above(cls, lines: Pixels, level: Ints, max_index: Ints, gap: Ints) -> "_Runs":
-        """Return the runs of pixels above ``level``, whole counts, joined over gaps [n]."""
+    def above(cls, lines: Pixels, level: Ints, max_index: Ints, gap: int) -> "_Runs":
+        """Return the runs of pixels above ``level``, whole counts [n], joined over a gap."""
         count, length = lines.shape
         # pixel 2**shift > threshold is pixel > floor(threshold / 2**shift).
         limit = np.minimum(level, (1 << 16) - 1).astype(np.uint16)
@@ -217,7 +217,7 @@ class _Runs:
             none = np.zeros(count, np.int64)
             return cls(none - 1, none, none, none, none, *[starts] * 3)
         line = starts // stride
-        apart = (starts[1:] - ends[:-1] > gap[line[1:]]) | (line[1:] > line[:-1])
+        apart = (starts[1:] - ends[:-1] > gap) | (line[1:] > line[:-1])
         begins = np.flatnonzero(np.append(True, apart))
         counts, parts = (each.reduceat(ends - starts, begins) for each in (np.add, np.maximum))
         starts, ends = starts[begins], ends[np.append(apart, True)]

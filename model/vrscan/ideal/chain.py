@@ -163,8 +163,7 @@ def _run(
     background, noise, spread = row.background, row.noise, row.spread
     height = row.maximum - background
 
-    saturated = row.maximum >= config.sensor.least_saturated
-    gap = np.where(saturated | (not peak.fit), 0, MOST_GAP)
+    gap = MOST_GAP if peak.fit else 0
 
     def runs(level: Floats) -> Windows:
         first, least, most = row.first_maximum, peak.min_width, peak.max_core
@@ -186,6 +185,7 @@ def _run(
     snr = confidence.signal_to_noise(row.maximum, background, noise)
 
     too_narrow = (window.pixels < peak.min_width) | ~window.pair
+    saturated = row.maximum >= config.sensor.least_saturated
     too_wide = (window.width > peak.max_width) | ((core.pixels > peak.max_core) & ~saturated)
     valid = np.flatnonzero(~(low_snr | too_narrow | too_wide))
     left, right, width = window.left.copy(), window.right.copy(), window.width.copy()

@@ -14,7 +14,7 @@ MOST_RAISED = 15  # powers of two by which clipping may hide the noise
 CORE_HEIGHT = 0.25  # share of the height above which other runs are rivals
 MOST_RIVALS = 2  # narrow rivals of a clear spot
 EVEN = 17 / 16  # spread over noise up to which a row is even
-MOST_GAP = 4  # px between parts that speckle breaks up, which a fit joins where none is full
+MOST_GAP = 4  # px between the parts of a spot that speckle breaks up; a fit joins them
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def isolate(
     *,
     min_width: int,
     max_width: int = 255,
-    gap: Ints | int = 0,
+    gap: int = 0,
 ) -> Windows:
     """Return the run of pixels strictly above ``level`` that holds the maximum.
 
@@ -109,19 +109,17 @@ def isolate(
         level: Threshold, counts [n].
         min_width: Shortest part of another run that counts, px.
         max_width: Most pixels of one that counts as narrow.
-        gap: Most pixels of each line, [n] or one for all, between two parts of a run.
+        gap: Most pixels that are not above the level between two parts of a run.
 
     Returns:
         The windows; width 0 where not even the maximum is above the threshold.
     """
     length = lines.shape[1]
-    gap = np.broadcast_to(gap, len(lines))
     above = joined = lines > level[:, None]
-    for most in np.unique(gap[gap > 0]):
-        wide = np.pad(above, ((0, 0), (most, most)))  # beyond the line there is nothing to join
-        dilated = np.logical_or.reduce([wide[:, k : k + length + most] for k in range(most + 1)])
-        closed = np.logical_and.reduce([dilated[:, k : k + length] for k in range(most + 1)])
-        joined = np.where((gap == most)[:, None], closed, joined)
+    if gap:
+        wide = np.pad(above, ((0, 0), (gap, gap)))  # beyond the line there is nothing to join
+        dilated = np.logical_or.reduce([wide[:, k : k + length + gap] for k in range(gap + 1)])
+        joined = np.logical_and.reduce([dilated[:, k : k + length] for k in range(gap + 1)])
     index = np.arange(length, dtype=np.int32)
     centre = first_maximum[:, None]
     left = np.where(~joined & (index <= centre), index, -1).max(axis=1).astype(np.int64) + 1
